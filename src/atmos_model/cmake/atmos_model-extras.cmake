@@ -1,0 +1,10 @@
+# Every ATMOS package is compiled alike: C++17, warnings are errors in our own code.
+function(atmos_compile_options)
+  set(CMAKE_CXX_STANDARD 17 PARENT_SCOPE)
+  set(CMAKE_CXX_STANDARD_REQUIRED ON PARENT_SCOPE)
+  set(CMAKE_CXX_EXTENSIONS OFF PARENT_SCOPE)
+  if(NOT CMAKE_BUILD_TYPE)
+    set(CMAKE_BUILD_TYPE Release PARENT_SCOPE)
+  endif()
+  add_compile_options(-Wall -Wextra -Wpedantic -Werror)
+endfunction()

@@ -1,0 +1,164 @@
+// The plant: a vehicle with effects. The force law that the simulator, the predictor and the controller share.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "atmos_model/effects.h"
+#include "atmos_model/vehicle.h"
+
+namespace atmos {
+
+template <class S>
+using VecX = Eigen::Matrix<S, Eigen::Dynamic, 1>;
+
+// Time derivatives of everything that moves.
+template <class S>
+struct PlantRate {
+  PlanarAcceleration<S> body;
+  VecX<S> hidden;
+};
+
+// Hidden states are laid out as [gas used (kg), then those of each effect in table order].
+class Plant {
+ public:
+  // `start_s` is t0: the first command stamp of the recording, ROS seconds.
+  Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s);
+
+  const PlantProperties& properties() const { return properties_; }
+  const std::vector<Effect>& effects() const { return effects_; }
+  double start_s() const { return start_s_; }
+  int thruster_count() const { return static_cast<int>(properties_.thrusters.size()); }
+  int hidden_size() const { return hidden_size_; }
+  VecX<double> initial_hidden() const;
+
+  // Forces and torque about the centre of mass at ROS time t [N, N m], openings as commanded (one per thruster).
+  template <class S>
+  PlanarWrench<S> wrench(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+    Scratch<S> scratch(thruster_count());
+    return evaluate(t, state, hidden, openings, scratch).wrench;
+  }
+  // Accelerations of the centre of mass and rates of the hidden states.
+  template <class S>
+  PlantRate<S> rate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const;
+  // Thrust along each thruster's direction [N], leaks included.
+  template <class S>
+  VecX<S> thrust(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+    Scratch<S> scratch(thruster_count());
+    evaluate(t, state, hidden, openings, scratch);
+    return scratch.own;
+  }
+  // Mass now [kg].
+  template <class S>
+  S mass(double t, const PlanarState<S>& state, const VecX<S>& hidden) const {
+    Scratch<S> scratch(thruster_count());
+    return evaluate(t, state, hidden, VecX<S>::Zero(thruster_count()), scratch).mass;
+  }
+
+  // What the mocap shows of a centre-of-mass state: the measured point, its velocity, yaw. Latency is not applied here.
+  template <class S>
+  PlanarState<S> measured(const PlanarState<S>& state) const {
+    PlanarState<S> shown = center_of_mass_state<S>(state, properties_.marker_B - properties_.com_B);
+    shown.yaw += properties_.mocap_yaw_offset_rad;
+    return shown;
+  }
+  // The inverse: the centre-of-mass state behind a measured one.
+  template <class S>
+  PlanarState<S> from_measured(PlanarState<S> shown) const {
+    shown.yaw -= properties_.mocap_yaw_offset_rad;
+    return center_of_mass_state<S>(shown, properties_.com_B - properties_.marker_B);
+  }
+
+  // ROS times at which forces jump for reasons other than valves, ascending.
+  const std::vector<double>& edges() const { return edges_; }
+
+ private:
+  template <class S>
+  struct Scratch {
+    explicit Scratch(int n) : openings(n), own(n), leak(VecX<S>::Zero(n)) {}
+    VecX<S> openings, own, leak;
+  };
+  template <class S>
+  struct Evaluation {
+    PlanarWrench<S> wrench;
+    S mass;
+    S open_count;
+  };
+  template <class S>
+  Evaluation<S> evaluate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings,
+                         Scratch<S>& scratch) const;
+
+  // Calls visit(effect, pointer to its hidden states) for every effect in order.
+  template <class T, class Visit>
+  void for_each(T* hidden, const Visit& visit) const {
+    T* at = hidden + 1;
+    for (const Effect& effect : effects_) {
+      std::visit(
+          [&](const auto& e) {
+            visit(e, at);
+            at += e.hidden_size(properties_);
+          },
+          effect);
+    }
+  }
+
+  PlantProperties properties_;
+  std::vector<Effect> effects_;
+  double start_s_;
+  int hidden_size_ = 1;
+  std::vector<double> edges_;
+};
+
+template <class S>
+Plant::Evaluation<S> Plant::evaluate(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                                     const VecX<S>& openings, Scratch<S>& scratch) const {
+  const int n = thruster_count();
+  scratch.openings = openings;
+  for_each(hidden.data(), [&](const auto& e, const S* own) { e.rise(own, scratch.openings.data(), n); });
+
+  using std::abs;
+  S open_count(0);
+  for (int i = 0; i < n; ++i) open_count += abs(scratch.openings[i]);
+  Instant<S> now{t,          t - start_s_, properties_,           state, scratch.openings.data(),
+                 open_count, S(properties_.mass_kg), hidden[0]};
+  S mass = now.mass;
+  for_each(hidden.data(), [&](const auto& e, const S*) { e.mass(now, mass); });
+  now.mass = mass;
+
+  scratch.leak.setZero();
+  for (int i = 0; i < n; ++i) scratch.own[i] = properties_.thrusters[i].force_n * scratch.openings[i];
+  ThrustStage<S> stage{scratch.own.data(), scratch.leak.data(), S(1)};
+  for_each(hidden.data(), [&](const auto& e, const S* own) { e.thrust(now, own, stage); });
+
+  Evaluation<S> out{{}, mass, open_count};
+  Vec2<S> force_B = Vec2<S>::Zero();
+  for (int i = 0; i < n; ++i) {
+    const PlanarThruster& thruster = properties_.thrusters[i];
+    scratch.own[i] = stage.supply * (scratch.own[i] + scratch.leak[i]);
+    force_B += scratch.own[i] * thruster.direction.cast<S>();
+    out.wrench.torque += scratch.own[i] * cross2(thruster.position_m - properties_.com_B, thruster.direction);
+  }
+  out.wrench.force_W = rotation_WB(state.yaw) * force_B;
+  for_each(hidden.data(), [&](const auto& e, const S* own) { e.force(now, own, out.wrench); });
+  return out;
+}
+
+template <class S>
+PlantRate<S> Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+  Scratch<S> scratch(thruster_count());
+  const Evaluation<S> now = evaluate(t, state, hidden, openings, scratch);
+  PlantRate<S> rate{{}, VecX<S>::Zero(hidden_size_)};
+  rate.body.a_WC = now.wrench.force_W / now.mass;
+  rate.body.yaw_acceleration = now.wrench.torque / S(properties_.inertia_kg_m2);
+
+  rate.hidden[0] = properties_.gas_kg_per_open_second * now.open_count;
+  const Instant<S> instant{t,     t - start_s_, properties_, state, scratch.openings.data(), now.open_count,
+                           now.mass, hidden[0]};
+  const S* first = hidden.data();
+  for_each(hidden.data(), [&](const auto& e, const S* own) {
+    e.hidden_rate(instant, openings.data(), rate.body, own, rate.hidden.data() + (own - first));
+  });
+  return rate;
+}
+
+}  // namespace atmos

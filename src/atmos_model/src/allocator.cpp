@@ -1,0 +1,1 @@
+#include "atmos_model/allocator.h"

@@ -1,0 +1,38 @@
+#include "atmos_model/plant.h"
+
+#include <algorithm>
+
+namespace atmos {
+
+Plant::Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s)
+    : effects_(std::move(effects)), start_s_(start_s) {
+  properties_.mass_kg = vehicle.mass_kg;
+  properties_.inertia_kg_m2 = vehicle.inertia_kg_m2.z();
+  for (const Thruster& thruster : vehicle.thrusters) {
+    properties_.thrusters.push_back(
+        {thruster.position_m.head<2>(), thruster.direction.head<2>(), thruster.force_n});
+  }
+  properties_.bearings_m = vehicle.bearings_m;
+  properties_.timing.dead_since_s.assign(vehicle.thrusters.size(), std::numeric_limits<double>::infinity());
+
+  std::stable_sort(effects_.begin(), effects_.end(),
+                   [](const Effect& a, const Effect& b) { return a.index() < b.index(); });
+  for (const Effect& effect : effects_) {
+    std::visit(
+        [&](const auto& e) {
+          e.alter(properties_);
+          hidden_size_ += e.hidden_size(properties_);
+          e.edges(edges_);
+        },
+        effect);
+  }
+  std::sort(edges_.begin(), edges_.end());
+}
+
+VecX<double> Plant::initial_hidden() const {
+  VecX<double> hidden = VecX<double>::Zero(hidden_size_);
+  for_each(hidden.data(), [](const auto& e, double* own) { e.start_hidden(own); });
+  return hidden;
+}
+
+}  // namespace atmos

@@ -1,0 +1,79 @@
+#include "atmos_model/scenario.h"
+
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+constexpr double kRadiansPerDegree = M_PI / 180.0;
+
+SetPoint read_pose(const ConfigMap& map) {
+  SetPoint pose{};
+  pose.x_m = map.number("x_m");
+  pose.y_m = map.number("y_m");
+  pose.yaw_rad = map.number("yaw_deg", Bounds::between(-360.0, 360.0)) * kRadiansPerDegree;
+  return pose;
+}
+
+std::vector<SetPoint> read_set_points(const ConfigMap& root, double duration_s) {
+  std::vector<SetPoint> set_points;
+  for (const ConfigMap& map : root.maps("setpoints")) {
+    SetPoint point = read_pose(map);
+    point.time_s = map.number("time_s", Bounds::between(0.0, duration_s));
+    if (set_points.empty() && point.time_s != 0.0) map.fault("time_s", "must be 0 for the first set-point");
+    if (!set_points.empty() && point.time_s <= set_points.back().time_s)
+      map.fault("time_s", "must be later than that of the set-point before it");
+    set_points.push_back(point);
+  }
+  if (root.has("setpoints") && set_points.empty()) root.fault("setpoints", "must name at least one set-point");
+  return set_points;
+}
+
+MocapSettings read_mocap(const ConfigMap& map) {
+  MocapSettings mocap;
+  mocap.rate_hz = map.number("rate_hz", Bounds::between(1.0, 1000.0));
+  mocap.noise_m = map.number("noise_m", Bounds::non_negative());
+  mocap.noise_rad = map.number("noise_rad", Bounds::non_negative());
+  mocap.publish_delay_s = map.number("publish_delay_s", Bounds::between(0.0, 1.0), 0.0);
+  mocap.dropout_probability = map.number("dropout_probability", Bounds::between(0.0, 1.0), 0.0);
+  for (const ConfigMap& dropout : map.maps("dropouts", false)) {
+    mocap.dropouts.push_back(
+        {dropout.number("start_s", Bounds::non_negative()), dropout.number("duration_s", Bounds::positive())});
+  }
+  return mocap;
+}
+
+}  // namespace
+
+Scenario load_scenario(const std::string& path) {
+  const ConfigFile file(path);
+  const ConfigMap root = file.root();
+  Scenario scenario;
+  scenario.path = path;
+  scenario.name = root.text("name");
+  scenario.vehicle_path = file.resolve(root.text("vehicle"));
+  scenario.controller_path = file.resolve(root.text("controller"));
+  scenario.duration_s = root.number("duration_s", Bounds::positive());
+  scenario.seed = static_cast<std::uint32_t>(root.integer("seed", 0, 2147483647));
+  scenario.step_s = root.number("step_s", Bounds{0.0, 0.001, true}, 0.001);
+  scenario.start = read_pose(root.map("start"));
+  scenario.set_points = read_set_points(root, scenario.duration_s);
+  scenario.mocap = read_mocap(root.map("mocap"));
+  scenario.effects = read_effects(root);
+
+  std::vector<ConfigFault> faults;
+  const auto collect = [&faults](const auto& read) {
+    try {
+      read();
+    } catch (const ConfigError& error) {
+      faults.insert(faults.end(), error.faults().begin(), error.faults().end());
+    }
+  };
+  collect([&] { file.check(); });
+  if (root.has("vehicle")) collect([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
+  if (!faults.empty()) throw ConfigError(faults);
+  return scenario;
+}
+
+}  // namespace atmos
