@@ -16,20 +16,6 @@ SetPoint read_pose(const ConfigMap& map) {
   return pose;
 }
 
-std::vector<SetPoint> read_set_points(const ConfigMap& root, double duration_s) {
-  std::vector<SetPoint> set_points;
-  for (const ConfigMap& map : root.maps("setpoints")) {
-    SetPoint point = read_pose(map);
-    point.time_s = map.number("time_s", Bounds::between(0.0, duration_s));
-    if (set_points.empty() && point.time_s != 0.0) map.fault("time_s", "must be 0 for the first set-point");
-    if (!set_points.empty() && point.time_s <= set_points.back().time_s)
-      map.fault("time_s", "must be later than that of the set-point before it");
-    set_points.push_back(point);
-  }
-  if (root.has("setpoints") && set_points.empty()) root.fault("setpoints", "must name at least one set-point");
-  return set_points;
-}
-
 MocapSettings read_mocap(const ConfigMap& map) {
   MocapSettings mocap;
   mocap.rate_hz = map.number("rate_hz", Bounds::between(1.0, 1000.0));
@@ -45,6 +31,20 @@ MocapSettings read_mocap(const ConfigMap& map) {
 }
 
 }  // namespace
+
+std::vector<SetPoint> read_set_points(const ConfigMap& root, double latest_s) {
+  std::vector<SetPoint> set_points;
+  for (const ConfigMap& map : root.maps("setpoints")) {
+    SetPoint point = read_pose(map);
+    point.time_s = map.number("time_s", Bounds::between(0.0, latest_s));
+    if (set_points.empty() && point.time_s != 0.0) map.fault("time_s", "must be 0 for the first set-point");
+    if (!set_points.empty() && point.time_s <= set_points.back().time_s)
+      map.fault("time_s", "must be later than that of the set-point before it");
+    set_points.push_back(point);
+  }
+  if (root.has("setpoints") && set_points.empty()) root.fault("setpoints", "must name at least one set-point");
+  return set_points;
+}
 
 Scenario load_scenario(const std::string& path) {
   const ConfigFile file(path);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,10 @@ struct Scenario {
   std::vector<Effect> effects;
   Vehicle vehicle;
 };
+
+// Reads the list `setpoints` of `root`; faults are recorded there. No set-point may be later than latest_s.
+std::vector<SetPoint> read_set_points(const ConfigMap& root,
+                                      double latest_s = std::numeric_limits<double>::infinity());
 
 // Reads a scenario and the vehicle it names; the controller file is left to the controller. Throws ConfigError with every
 // fault.
