@@ -22,3 +22,10 @@ source_workspace() {
   source "$root/devel/setup.bash"
   set -u
 }
+
+# A port of its own for a ROS master, so that nothing else on this machine is disturbed.
+use_free_master() {
+  local port
+  port=$(/usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')
+  export ROS_MASTER_URI="http://localhost:$port"
+}
