@@ -52,7 +52,7 @@ class Plant {
   template <class S>
   S mass(double t, const PlanarState<S>& state, const VecX<S>& hidden) const {
     Scratch<S> scratch(thruster_count());
-    return evaluate(t, state, hidden, VecX<S>::Zero(thruster_count()), scratch).mass;
+    return evaluate<S>(t, state, hidden, VecX<S>::Zero(thruster_count()), scratch).mass;
   }
 
   // What the mocap shows of a centre-of-mass state: the measured point, its velocity, yaw. Latency is not applied here.

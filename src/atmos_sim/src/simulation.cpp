@@ -1,0 +1,114 @@
+#include "atmos_sim/simulation.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "ode_body.h"
+
+namespace atmos {
+
+namespace {
+
+// Instants closer than this are one: a step that short would only add rounding.
+constexpr double kSameInstant = 1e-10;  // s
+// A step may exceed the nominal one by this share rather than leave a sliver behind.
+constexpr double kStretch = 1e-3;
+
+PlanarState<double> start_state(const Scenario& scenario, const Plant& plant) {
+  PlanarState<double> at_O;
+  at_O.p_WC = {scenario.start.x_m, scenario.start.y_m};
+  at_O.yaw = scenario.start.yaw_rad;
+  return center_of_mass_state(at_O, plant.properties().com_B);
+}
+
+// Cubic through positions and velocities at both ends; s in [0, 1] over `dt`.
+template <class T>
+T hermite(const T& p0, const T& v0, const T& p1, const T& v1, double s, double dt) {
+  const double s2 = s * s, s3 = s2 * s;
+  return (2 * s3 - 3 * s2 + 1) * p0 + (s3 - 2 * s2 + s) * dt * v0 + (3 * s2 - 2 * s3) * p1 + (s3 - s2) * dt * v1;
+}
+
+}  // namespace
+
+Simulation::Simulation(const Scenario& scenario, double start_s)
+    : plant_(scenario.vehicle, scenario.effects, start_s),
+      valves_(plant_.thruster_count(), plant_.properties().timing),
+      start_s_(start_s),
+      step_s_(scenario.step_s),
+      time_s_(start_s),
+      body_(start_state(scenario, plant_)),
+      hidden_(plant_.initial_hidden()),
+      ode_(std::make_unique<OdeBody>(plant_.properties().mass_kg, plant_.properties().inertia_kg_m2, body_)) {
+  remember();
+}
+
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+VecX<double> Simulation::openings() const {
+  VecX<double> openings(plant_.thruster_count());
+  valves_.openings(time_s_ + kSameInstant, openings.data());
+  return openings;
+}
+
+void Simulation::advance_to(double until_s) {
+  ode_->set_mass(plant_.mass<double>(time_s_, body_, hidden_));
+  const std::vector<double>& jumps = plant_.edges();
+  while (until_s - time_s_ > kSameInstant) {
+    const double past_now = time_s_ + kSameInstant;
+    double end = std::min(until_s, valves_.next_edge(past_now));
+    const auto jump = std::upper_bound(jumps.begin(), jumps.end(), past_now);
+    if (jump != jumps.end()) end = std::min(end, *jump);
+    const double grid = start_s_ + step_s_ * (std::floor((time_s_ - start_s_) / step_s_ + kStretch) + 1.0);
+    if (end > grid + kStretch * step_s_) end = grid;
+    step(end - time_s_);
+    time_s_ = end;
+    remember();
+  }
+  valves_.forget_before(time_s_);
+}
+
+// Explicit midpoint rule: forces are those half a step ahead, which makes the spin of thrust with the body second order.
+void Simulation::step(double dt) {
+  const VecX<double> openings = this->openings();
+  const PlantRate<double> start = plant_.rate<double>(time_s_, body_, hidden_, openings);
+  PlanarState<double> middle = body_;
+  const double half = 0.5 * dt;
+  middle.p_WC += half * (body_.v_WC + 0.5 * half * start.body.a_WC);
+  middle.yaw += half * (body_.yaw_rate + 0.5 * half * start.body.yaw_acceleration);
+  middle.v_WC += half * start.body.a_WC;
+  middle.yaw_rate += half * start.body.yaw_acceleration;
+  const VecX<double> hidden_middle = hidden_ + half * start.hidden;
+  const PlantRate<double> rate = plant_.rate<double>(time_s_ + half, middle, hidden_middle, openings);
+  hidden_ += dt * rate.hidden;
+  ode_->step(rate.body, dt, body_);
+  ++steps_;
+}
+
+void Simulation::remember() {
+  const double oldest = time_s_ - plant_.properties().mocap_latency_s;
+  past_.push_back({time_s_, body_});
+  while (past_.size() > 2 && past_[1].time_s <= oldest) past_.pop_front();
+}
+
+PlanarState<double> Simulation::center_of_mass_at(double t) const {
+  assert(t <= time_s_ + kSameInstant);
+  const auto after = std::lower_bound(past_.begin(), past_.end(), t - kSameInstant,
+                                      [](const Past& past, double time) { return past.time_s < time; });
+  if (after == past_.end()) return body_;
+  if (after == past_.begin() || after->time_s - t < kSameInstant) return after->body;
+  const Past& a = *std::prev(after);
+  const Past& b = *after;
+  const double dt = b.time_s - a.time_s;
+  const double s = (t - a.time_s) / dt;
+  PlanarState<double> state;
+  state.p_WC = hermite(a.body.p_WC, a.body.v_WC, b.body.p_WC, b.body.v_WC, s, dt);
+  state.yaw = hermite(a.body.yaw, a.body.yaw_rate, b.body.yaw, b.body.yaw_rate, s, dt);
+  state.v_WC = (1.0 - s) * a.body.v_WC + s * b.body.v_WC;
+  state.yaw_rate = (1.0 - s) * a.body.yaw_rate + s * b.body.yaw_rate;
+  return state;
+}
+
+}  // namespace atmos
