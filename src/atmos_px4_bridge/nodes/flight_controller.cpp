@@ -1,0 +1,129 @@
+// nmpc/thrusters, odometry -> thruster_command, flight_controller/status, diagnostics.
+// Parameters: ~vehicle (path of the vehicle file), ~lockstep (bool).
+#include <atmos_msgs/FlightControllerStatus.h>
+#include <atmos_msgs/ThrusterCommand.h>
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/ros.h>
+
+#include <cmath>
+#include <optional>
+
+#include "atmos_model_ros/messages.h"
+#include "atmos_model_ros/node.h"
+#include "atmos_px4_bridge/flight_controller.h"
+
+namespace atmos {
+
+namespace {
+
+constexpr std::uint32_t kQueue = 100;
+constexpr double kTick_s = 0.005;
+
+// Microseconds are what a double resolves; the rest would be noise in the stamp.
+ros::Time ros_time(double seconds) {
+  const double whole = std::floor(seconds);
+  const double micros = std::round((seconds - whole) * 1e6);
+  return ros::Time(static_cast<std::uint32_t>(whole), 0) +
+         ros::Duration(0, static_cast<std::int32_t>(micros) * 1000);
+}
+
+bool is_finite(const nav_msgs::Odometry& odometry) {
+  const auto& p = odometry.pose.pose.position;
+  const auto& q = odometry.pose.pose.orientation;
+  const auto& v = odometry.twist.twist.linear;
+  const auto& w = odometry.twist.twist.angular;
+  return std::isfinite(p.x + p.y + p.z + q.x + q.y + q.z + q.w + v.x + v.y + v.z + w.x + w.y + w.z);
+}
+
+class FlightControllerNode {
+ public:
+  FlightControllerNode(const Vehicle& vehicle, Pacing pacing) : core_(vehicle, pacing) {
+    command_publisher_ = node_.advertise<atmos_msgs::ThrusterCommand>("thruster_command", kQueue);
+    status_publisher_ =
+        node_.advertise<atmos_msgs::FlightControllerStatus>("flight_controller/status", kQueue);
+    diagnostics_.setHardwareID("none");
+    diagnostics_.add("flight controller", this, &FlightControllerNode::diagnose);
+
+    const auto hints = ros::TransportHints().tcpNoDelay();
+    command_subscriber_ =
+        node_.subscribe("nmpc/thrusters", kQueue, &FlightControllerNode::on_command, this, hints);
+    if (pacing == Pacing::kRealTime) {
+      odometry_subscriber_ =
+          node_.subscribe("odometry", kQueue, &FlightControllerNode::on_odometry, this, hints);
+      timer_ = node_.createTimer(ros::Duration(kTick_s), &FlightControllerNode::on_tick, this);
+    }
+  }
+
+ private:
+  void on_command(const atmos_msgs::ThrusterCommand& message) {
+    publish(core_.take_command(from_message(message), ros::Time::now().toSec()));
+    diagnostics_.update();
+  }
+
+  void on_odometry(const nav_msgs::Odometry& message) {
+    if (is_finite(message)) core_.take_odometry(message.header.stamp.toSec(), ros::Time::now().toSec());
+  }
+
+  void on_tick(const ros::TimerEvent&) {
+    publish(core_.tick(ros::Time::now().toSec()));
+    diagnostics_.update();
+  }
+
+  void publish(const std::optional<ValveOrder>& order) {
+    if (!order) return;
+    atmos_msgs::ThrusterCommand command;
+    command.header.stamp = ros_time(order->command.stamp_s);
+    command.period = order->command.period_s;
+    command.duty = order->command.duty;
+    command_publisher_.publish(command);
+
+    const FlightStatus& status = order->status;
+    atmos_msgs::FlightControllerStatus message;
+    message.header.stamp = command.header.stamp;
+    message.state = status.flying ? atmos_msgs::FlightControllerStatus::FLYING
+                                  : atmos_msgs::FlightControllerStatus::CLOSED;
+    message.reason = status.reason;
+    message.commands = status.commands;
+    message.late = status.late;
+    message.expired = status.expired;
+    message.malformed = status.malformed;
+    status_publisher_.publish(message);
+  }
+
+  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& out) {
+    const FlightStatus& status = core_.status();
+    if (status.flying) {
+      out.summary(diagnostic_msgs::DiagnosticStatus::OK, "flying");
+    } else {
+      out.summary(diagnostic_msgs::DiagnosticStatus::WARN, "valves closed: " + status.reason);
+    }
+    out.add("commands", status.commands);
+    out.add("late", status.late);
+    out.add("expired", status.expired);
+    out.add("malformed", status.malformed);
+  }
+
+  ros::NodeHandle node_;
+  FlightController core_;
+  diagnostic_updater::Updater diagnostics_;
+  ros::Publisher command_publisher_, status_publisher_;
+  ros::Subscriber command_subscriber_, odometry_subscriber_;
+  ros::Timer timer_;
+};
+
+}  // namespace
+
+}  // namespace atmos
+
+int main(int argc, char** argv) {
+  return atmos::run_node(argc, argv, "flight_controller", [] {
+    const ros::NodeHandle parameters("~");
+    const auto vehicle = atmos::load_vehicle(atmos::required_parameter<std::string>(parameters, "vehicle"));
+    const bool lockstep = atmos::required_parameter<bool>(parameters, "lockstep");
+    const atmos::FlightControllerNode node(vehicle,
+                                           lockstep ? atmos::Pacing::kLockstep : atmos::Pacing::kRealTime);
+    ros::spin();
+    return 0;
+  });
+}
