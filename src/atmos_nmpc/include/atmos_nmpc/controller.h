@@ -1,0 +1,114 @@
+// The controller without ROS: odometry, missing frames and set-points in, one command per PWM period out,
+// with the timing and loss rules of docs/architecture.md. Times are ROS seconds.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "atmos_model/valve_schedule.h"
+#include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/solver.h"
+
+namespace atmos {
+
+// Numbers as in atmos_msgs/NmpcStatus.
+enum class ControlMode { kSolved = 0, kPreviousPlan = 1, kBraking = 2, kClosed = 3, kWaiting = 4 };
+enum class OdometryState { kFresh = 0, kPredicted = 1, kLost = 2, kNone = 3 };
+
+struct OdometrySample {
+  double stamp_s;
+  State13<double> x;         // of base_link
+  bool frames_match = true;  // pose in the world, twist in this robot's body
+};
+
+// A pose at rest that holds from `stamp_s` on; a stamp that has passed: at once.
+struct Goal {
+  double stamp_s;
+  Vec3<double> p_WB;
+  Quaternion4<double> q_WB;
+};
+
+struct ControllerCounters {
+  std::uint64_t solves = 0;
+  std::uint64_t solver_failures = 0;
+  std::uint64_t rejected_not_finite = 0;  // odometry, also of a quaternion that is none
+  std::uint64_t rejected_order = 0;
+  std::uint64_t rejected_frame = 0;
+  std::uint64_t rejected_goals = 0;
+};
+
+// What the controller did for one period.
+struct ControlDecision {
+  ThrusterCommand command;  // stamped with the start of the period
+  ControlMode mode = ControlMode::kWaiting;
+  OdometryState odometry = OdometryState::kNone;
+  double odometry_age_s = 0.0;
+  SolveResult solve;
+  int active_constraints = 0;
+  std::vector<State13<double>>
+      path;  // predicted states at the ends of the stages; empty unless solved in this period
+};
+
+class Controller {
+ public:
+  // `lead_s` and the time limit come from the configuration; in lockstep both are off: odometry stamped with
+  // the start of a period triggers its solve, and only the iteration cap ends it, so that a run repeats.
+  Controller(const Vehicle& vehicle, const ControllerConfig& config, bool lockstep, Stopwatch stopwatch);
+
+  // Takes a set-point; one that is not finite or has no attitude is counted and ignored.
+  void add_goal(const Goal& goal);
+  bool has_goal() const { return !goals_.empty(); }
+
+  // Each returns a decision when it is the first of a new period, in which case the command is to be sent.
+  // `now_s`: odometry stamped more than 1 s after it is out of order.
+  std::optional<ControlDecision> on_odometry(const OdometrySample& sample, double now_s);
+  // A frame stamped `stamp_s` in which the robot was not seen.
+  std::optional<ControlDecision> on_missing_frame(double stamp_s);
+  // Watchdog, to be called several times a period: acts when a whole period has passed in which nothing came,
+  // and then in each period until something comes.
+  std::optional<ControlDecision> on_silence(double now_s);
+
+  const ControllerCounters& counters() const { return counters_; }
+  double period_s() const { return vehicle_.pwm.period_s; }
+
+ private:
+  bool accept(const OdometrySample& sample, double now_s);
+  // Number of the period whose solve an event at this time belongs to.
+  std::int64_t period_of(double stamp_s) const;
+  std::optional<ControlDecision> step(double event_s);
+  void decide(ControlDecision& decision);
+  void solve(const State13<double>& x0, const Goal& goal, ControlDecision& decision);
+  void fall_back(const State13<double>& x0, ControlDecision& decision);
+  const Goal* goal_at(double time_s);
+
+  Vehicle vehicle_;
+  ControllerConfig config_;
+  std::vector<ThrusterPair> pairs_;
+  AllocationMatrices thrusters_;
+  Eigen::Matrix<double, 4, 3> wrench_to_pairs_;  // least-squares pair forces of a planar body wrench
+  DirectAllocation problem_;
+  OptimalControlSolver solver_;
+
+  std::deque<Goal> goals_;  // ascending; the first is in force once its stamp has come
+  std::optional<OdometrySample> odometry_;
+  ValveSchedule commands_;  // our own, as sent
+  std::optional<std::int64_t> last_period_;
+  bool silent_ = false;  // the last decision was the watchdog's
+
+  TrackingCost::PlanarWeight terminal_ = TrackingCost::PlanarWeight::Zero();  // of the goal at terminal_yaw_
+  std::optional<double> terminal_yaw_;
+  Iterate iterate_;  // the newest solution
+  std::int64_t iterate_period_ = 0;
+  bool warm_ = false;       // iterate_ is a solution to start from
+  bool have_plan_ = false;  // plan_ may be followed when the solver fails
+  Eigen::VectorXd plan_;    // z of the last success
+  std::int64_t plan_period_ = 0;
+  std::optional<double> braking_since_s_;
+  bool at_rest_ = false;  // braking has ended: closed until a solve succeeds
+  ControllerCounters counters_;
+};
+
+}  // namespace atmos

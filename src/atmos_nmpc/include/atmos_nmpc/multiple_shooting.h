@@ -1,0 +1,244 @@
+// The optimal-control core (paper, MPC_formulation): direct multiple shooting with the variables in stage
+// order z = [u0 x1 u1 x2 ... u(N-1) xN], the measured x0 eliminated. A formulation is a dynamics type with NU
+// inputs over the 13-state plus the tracking cost; this class gives the solver values and exact derivatives
+// in the problem's own blocks.
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <utility>
+
+#include "atmos_nmpc/nonlinear_program.h"
+#include "atmos_nmpc/rigid_body_step.h"
+#include "atmos_nmpc/tracking_cost.h"
+
+namespace atmos {
+
+template <class Dynamics>
+class MultipleShooting : public NonlinearProgram {
+ public:
+  static constexpr int kStates = Dynamics::kStates;
+  static constexpr int kInputs = Dynamics::kInputs;
+  static constexpr int kBlock = kStates + kInputs;
+  using State = typename Dynamics::State;
+  using Input = typename Dynamics::Input;
+
+  // stages: N >= 1. input_weight: diagonal of R, 1/N^2. The objective is objective_scale times the cost.
+  MultipleShooting(Dynamics dynamics, TrackingCost cost, int stages, const Input& input_weight,
+                   const Input& input_lower, const Input& input_upper, double objective_scale)
+      : dynamics_(std::move(dynamics)),
+        cost_(std::move(cost)),
+        N_(stages),
+        input_weight_(input_weight),
+        scale_(objective_scale) {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    lower_ = Eigen::VectorXd::Constant(variable_count(), -kInfinity);
+    upper_ = Eigen::VectorXd::Constant(variable_count(), kInfinity);
+    for (int k = 0; k < N_; ++k) {
+      lower_.segment<kInputs>(input_at(k)) = input_lower;
+      upper_.segment<kInputs>(input_at(k)) = input_upper;
+    }
+    initial_state_ = cost_.reference();
+    declare_jacobian();
+    declare_hessian();
+  }
+
+  const Dynamics& dynamics() const { return dynamics_; }
+  TrackingCost& cost() { return cost_; }
+  const TrackingCost& cost() const { return cost_; }
+  int stages() const { return N_; }
+
+  void set_initial_state(const State& x0) { initial_state_ = x0; }
+  const State& initial_state() const { return initial_state_; }
+
+  Input input(const Eigen::VectorXd& z, int k) const { return z.segment<kInputs>(input_at(k)); }
+  // k in [0, N]; k = 0 is the initial state.
+  State state(const Eigen::VectorXd& z, int k) const {
+    return k == 0 ? initial_state_ : State(z.segment<kStates>(state_at(k)));
+  }
+
+  // Start without a previous solution: rest at x0 with all inputs at the middle of their bounds, bound
+  // multipliers those of the barrier parameter mu.
+  Iterate cold_start(double mu) const {
+    Iterate start;
+    start.z.resize(variable_count());
+    for (int k = 0; k < N_; ++k) {
+      start.z.segment<kInputs>(input_at(k)) =
+          0.5 * (lower_.segment<kInputs>(input_at(k)) + upper_.segment<kInputs>(input_at(k)));
+      start.z.segment<kStates>(state_at(k + 1)) = initial_state_;
+    }
+    start.bound_lower = Eigen::VectorXd::Zero(variable_count());
+    start.bound_upper = start.bound_lower;
+    for (int k = 0; k < N_; ++k) {
+      for (int i = input_at(k); i < input_at(k) + kInputs; ++i) {
+        start.bound_lower[i] = mu / (start.z[i] - lower_[i]);
+        start.bound_upper[i] = mu / (upper_[i] - start.z[i]);
+      }
+    }
+    start.lambda = Eigen::VectorXd::Zero(constraint_count());
+    return start;
+  }
+
+  // The same plan one stage later: every stage takes the place of the one before, the last one is held and
+  // its state advanced by the model.
+  Iterate shifted(const Iterate& plan) const {
+    Iterate next = plan;
+    const int keep = variable_count() - kBlock;
+    next.z.head(keep) = plan.z.tail(keep);
+    next.bound_lower.head(keep) = plan.bound_lower.tail(keep);
+    next.bound_upper.head(keep) = plan.bound_upper.tail(keep);
+    const int keep_rows = constraint_count() - kStates;
+    next.lambda.head(keep_rows) = plan.lambda.tail(keep_rows);
+    next.z.segment<kStates>(state_at(N_)) = dynamics_.next(state(plan.z, N_), input(plan.z, N_ - 1));
+    return next;
+  }
+
+  // Input and state bounds within `tolerance` of their limit along the horizon.
+  int active_constraints(const Eigen::VectorXd& z, double tolerance) const {
+    int count = static_cast<int>(((z - lower_).array() < tolerance).count() +
+                                 ((upper_ - z).array() < tolerance).count());
+    for (int k = 1; k <= N_; ++k) count += cost_.active_bounds(state(z, k), tolerance);
+    return count;
+  }
+
+  int variable_count() const override { return N_ * kBlock; }
+  int constraint_count() const override { return N_ * kStates; }
+  const Eigen::VectorXd& lower_bounds() const override { return lower_; }
+  const Eigen::VectorXd& upper_bounds() const override { return upper_; }
+  const Sparsity& jacobian_sparsity() const override { return jacobian_sparsity_; }
+  const Sparsity& hessian_sparsity() const override { return hessian_sparsity_; }
+
+  double objective(const double* z) const override {
+    double sum = 0.0;
+    for (int k = 0; k < N_; ++k) {
+      const auto u = input_of(z, k);
+      sum += input_weight_.dot(u.cwiseProduct(u)) + cost_.value(state_of(z, k), false);
+    }
+    return scale_ * (sum + cost_.value(state_of(z, N_), true));
+  }
+
+  void gradient(const double* z, double* values) const override {
+    for (int k = 0; k < N_; ++k) {
+      Eigen::Map<Input>(values + input_at(k)) = 2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k));
+      State g = State::Zero();
+      cost_.add_gradient(state_of(z, k + 1), k + 1 == N_, scale_, g);
+      Eigen::Map<State>(values + state_at(k + 1)) = g;
+    }
+  }
+
+  // Row block k: F(x_k, u_k) - x_(k+1).
+  void constraints(const double* z, double* values) const override {
+    for (int k = 0; k < N_; ++k) {
+      Eigen::Map<State>(values + k * kStates) =
+          dynamics_.next(state_of(z, k), input_of(z, k)) - state_of(z, k + 1);
+    }
+  }
+
+  void jacobian(const double* z, double* values) const override {
+    typename Dynamics::Jacobian J;
+    for (int k = 0; k < N_; ++k) {
+      dynamics_.jacobian(state_of(z, k), input_of(z, k), J);
+      visit_jacobian_block(k, J, [&values](int, int, double value) { *values++ = value; });
+    }
+  }
+
+  void hessian(const double* z, double objective_factor, const double* lambda,
+               double* values) const override {
+    typename Dynamics::Hessian S;
+    for (int k = 0; k <= N_; ++k) {
+      TrackingCost::Hessian H = TrackingCost::Hessian::Zero();
+      if (k > 0) cost_.add_hessian(state_of(z, k), k == N_, objective_factor * scale_, H);
+      if (k < N_) {
+        dynamics_.hessian(state_of(z, k), input_of(z, k), Eigen::Map<const State>(lambda + k * kStates), S);
+        S.template bottomRightCorner<kInputs, kInputs>().diagonal() +=
+            2.0 * objective_factor * scale_ * input_weight_;
+      } else {
+        S.setZero();
+      }
+      visit_hessian_block(k, H, S, [&values](int, int, double value) { *values++ = value; });
+    }
+  }
+
+ private:
+  static constexpr int kAttitude = state13::kQuaternion;  // (q, w) stand together from here
+  static constexpr int kFree = Dynamics::kFree;
+
+  static int input_at(int k) { return k * kBlock; }
+  static int state_at(int k) { return (k - 1) * kBlock + kInputs; }
+  State state_of(const double* z, int k) const {
+    return k == 0 ? initial_state_ : State(Eigen::Map<const State>(z + state_at(k)));
+  }
+  static Eigen::Map<const Input> input_of(const double* z, int k) {
+    return Eigen::Map<const Input>(z + input_at(k));
+  }
+
+  // Calls visit(row, column, value) for every structural non-zero of row block k, always in the same order.
+  template <class Visit>
+  void visit_jacobian_block(int k, const typename Dynamics::Jacobian& J, const Visit& visit) const {
+    const int row0 = k * kStates;
+    for (int r = 0; r < kStates; ++r) {
+      if (k > 0) {
+        if (r < kAttitude) visit(row0 + r, state_at(k) + r, 1.0);
+        if (r < state13::kVelocity) visit(row0 + r, state_at(k) + state13::kVelocity + r, dynamics_.step_s());
+        // Euler's equation does not know the attitude.
+        for (int c = r < state13::kAngularVelocity ? 0 : 4; c < 7; ++c)
+          visit(row0 + r, state_at(k) + kAttitude + c, J(r, c));
+      }
+      for (int c = 0; c < kInputs; ++c) visit(row0 + r, input_at(k) + c, J(r, 7 + c));
+      visit(row0 + r, state_at(k + 1) + r, -1.0);
+    }
+  }
+
+  // The same for the lower triangle of the Hessian's block of (x_k, u_k): H of the cost, S of cost and
+  // dynamics over (q, w, u). Stage 0 has only u0; the last stage has only xN, where the terminal weight
+  // couples every direction.
+  template <class Visit>
+  void visit_hessian_block(int k, const TrackingCost::Hessian& H, const typename Dynamics::Hessian& S,
+                           const Visit& visit) const {
+    if (k == N_) {
+      for (int r = 0; r < kStates; ++r) {
+        for (int c = 0; c <= r; ++c) visit(state_at(k) + r, state_at(k) + c, H(r, c));
+      }
+      return;
+    }
+    if (k > 0) {
+      for (int r = 0; r < kAttitude; ++r) visit(state_at(k) + r, state_at(k) + r, H(r, r));
+      for (int r = 0; r < 7; ++r) {
+        for (int c = 0; c <= r; ++c)
+          visit(state_at(k) + kAttitude + r, state_at(k) + kAttitude + c,
+                H(kAttitude + r, kAttitude + c) + S(r, c));
+      }
+      for (int r = 7; r < kFree; ++r) {
+        for (int c = 0; c < 7; ++c) visit(input_at(k) + r - 7, state_at(k) + kAttitude + c, S(r, c));
+      }
+    }
+    for (int r = 7; r < kFree; ++r) {
+      for (int c = 7; c <= r; ++c) visit(input_at(k) + r - 7, input_at(k) + c - 7, S(r, c));
+    }
+  }
+
+  void declare_jacobian() {
+    const typename Dynamics::Jacobian J = Dynamics::Jacobian::Zero();
+    for (int k = 0; k < N_; ++k)
+      visit_jacobian_block(k, J,
+                           [this](int row, int column, double) { jacobian_sparsity_.add(row, column); });
+  }
+  void declare_hessian() {
+    const TrackingCost::Hessian H = TrackingCost::Hessian::Zero();
+    const typename Dynamics::Hessian S = Dynamics::Hessian::Zero();
+    for (int k = 0; k <= N_; ++k)
+      visit_hessian_block(k, H, S,
+                          [this](int row, int column, double) { hessian_sparsity_.add(row, column); });
+  }
+
+  Dynamics dynamics_;
+  TrackingCost cost_;
+  int N_;
+  Input input_weight_;
+  double scale_;
+  State initial_state_;
+  Eigen::VectorXd lower_, upper_;
+  Sparsity jacobian_sparsity_, hessian_sparsity_;
+};
+
+}  // namespace atmos

@@ -1,0 +1,79 @@
+// Cost of the distance to a pose at rest: stage and terminal weights, attitude errors, soft state bounds.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "atmos_model/rigid_body.h"
+
+namespace atmos {
+
+enum class AttitudeError {
+  kVector,  // 2 vec(q_ref^-1 q), scalar part >= 0: the rotation vector for small angles
+  kPaper    // 1 - (q_ref' q)^2 (paper, full_error); squared it is quartic in the angle: no curvature at the
+            // reference
+};
+
+struct TrackingWeights {
+  Eigen::Vector3d position;  // 1/m^2, world axes
+  Eigen::Vector3d velocity;  // s^2/m^2, world axes
+  Eigen::Vector3d
+      attitude;  // 1/rad^2 about the axes of the reference; kPaper takes the z component for its scalar error
+  Eigen::Vector3d rate;    // s^2/rad^2, body axes
+  double terminal_factor;  // terminal over stage weight where there is no Riccati solution
+};
+
+// |p|, |v|, |w| per component. A violation d costs linear * h + quadratic * h^2 with the smooth hinge
+// h = (d + sqrt(d^2 + width^2)) / 2.
+//
+// Why a penalty function and not slack variables: it adds no variable and no constraint (nine slacks a stage
+// would more than halve the speed of the factorisation), its Hessian is diagonal, so that the block sparsity
+// of the problem is untouched, and the problem stays feasible from any measured state. With the linear part
+// above the multiplier of the hard bound the solution keeps that bound up to the width of the hinge, as exact
+// penalties do; the rounding is what an interior-point method's barrier would do to slack variables anyhow.
+struct SoftBounds {
+  Eigen::Vector3d position;  // m
+  Eigen::Vector3d velocity;  // m/s
+  Eigen::Vector3d rate;      // rad/s
+  double linear;             // 1/unit
+  double quadratic;          // 1/unit^2
+  double width;              // unit of the bounded quantity
+};
+
+class TrackingCost {
+ public:
+  using State = State13<double>;
+  using Hessian = Eigen::Matrix<double, state13::kSize, state13::kSize>;
+  using PlanarWeight = Eigen::Matrix<double, 6, 6>;
+
+  TrackingCost(AttitudeError kind, const TrackingWeights& weights, const SoftBounds& bounds);
+
+  // Reference pose [m, unit quaternion], velocities zero. `planar_terminal`: Riccati solution over the errors
+  // (x, y, yaw, vx, vy, yaw rate) that takes the place of the stage weight in these directions; not used with
+  // kPaper.
+  //
+  // The error's sign is settled here and not per stage: q_ref is turned into the half sphere of `q_now`, the
+  // attitude the horizon starts from. Along a continuous trajectory the error is then linear in q, so that
+  // the problem stays smooth, and its scalar part is >= 0 at the start.
+  void set_reference(const State& reference, const Quaternion4<double>& q_now,
+                     const PlanarWeight& planar_terminal);
+
+  double value(const State& x, bool terminal) const;
+  // Adds factor times the gradient, and the lower triangle of the Hessian.
+  void add_gradient(const State& x, bool terminal, double factor, State& gradient) const;
+  void add_hessian(const State& x, bool terminal, double factor, Hessian& H) const;
+
+  // Number of bounds that x is within `tolerance` of, or beyond.
+  int active_bounds(const State& x, double tolerance) const;
+
+  const State& reference() const { return reference_; }
+
+ private:
+  AttitudeError kind_;
+  TrackingWeights weights_;
+  SoftBounds bounds_;
+  State reference_ = State::Zero();
+  Hessian stage_;  // second derivative of the quadratic part
+  Hessian terminal_;
+};
+
+}  // namespace atmos

@@ -1,0 +1,116 @@
+#include "atmos_nmpc/config.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "atmos_model/allocation.h"
+#include "atmos_model/strict_yaml.h"
+#include "atmos_nmpc/direct_allocation.h"
+
+namespace atmos {
+
+namespace {
+
+TrackingWeights read_weights(const ConfigMap& map) {
+  TrackingWeights weights;
+  weights.position = map.vector3("position", Bounds::non_negative());
+  weights.velocity = map.vector3("velocity", Bounds::non_negative());
+  weights.attitude = map.vector3("attitude", Bounds::non_negative());
+  weights.rate = map.vector3("rate", Bounds::non_negative());
+  weights.terminal_factor = map.number("terminal_factor", Bounds::non_negative());
+  return weights;
+}
+
+SoftBounds read_bounds(const ConfigMap& map) {
+  SoftBounds bounds;
+  bounds.position = map.vector3("position_m", Bounds::positive());
+  bounds.velocity = map.vector3("velocity_m_s", Bounds::positive());
+  bounds.rate = map.vector3("rate_rad_s", Bounds::positive());
+  bounds.linear = map.number("penalty_linear", Bounds::non_negative());
+  bounds.quadratic = map.number("penalty_quadratic", Bounds::non_negative());
+  bounds.width = map.number("penalty_width", Bounds::positive());
+  return bounds;
+}
+
+SolverOptions read_solver(const ConfigMap& map, double period_s) {
+  SolverOptions options;
+  options.max_iterations = map.integer("max_iterations", 1, 3000);
+  options.time_limit_s = map.number("time_limit_s", {0.0, period_s, true});
+  if (const std::optional<ConfigMap> ipopt = map.optional_map("ipopt")) {
+    for (const std::string& name : ipopt->keys()) {
+      const std::string value = ipopt->text(name);
+      const std::string fault = ipopt_option_fault(name, value);
+      if (!fault.empty()) ipopt->fault(name, fault);
+      options.ipopt[name] = value;
+    }
+  }
+  return options;
+}
+
+LossLimits read_limits(const ConfigMap& map) {
+  LossLimits limits;
+  limits.odometry_fresh_s = map.number("odometry_fresh_s", Bounds::positive());
+  limits.odometry_lost_s = map.number("odometry_lost_s", Bounds::positive());
+  limits.plan_reuse_s = map.number("plan_reuse_s", Bounds::non_negative());
+  limits.braking_s = map.number("braking_s", Bounds::non_negative());
+  limits.rest_speed_m_s = map.number("rest_speed_m_s", Bounds::positive());
+  limits.rest_rate_rad_s = map.number("rest_rate_rad_s", Bounds::positive());
+  limits.braking_time_constant_s = map.number("braking_time_constant_s", Bounds::positive());
+  if (limits.odometry_lost_s < limits.odometry_fresh_s)
+    map.fault("odometry_lost_s", "must not be shorter than odometry_fresh_s");
+  return limits;
+}
+
+}  // namespace
+
+ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle) {
+  const ConfigFile file(path);
+  const ConfigMap map = file.root().map("controller");
+  const double period_s = vehicle.pwm.period_s;
+
+  ControllerConfig config;
+  map.choice("formulation", {"direct_allocation"});
+  config.attitude_error = map.choice("attitude_error", {"vector", "paper"}, "vector") == "paper"
+                              ? AttitudeError::kPaper
+                              : AttitudeError::kVector;
+
+  const ConfigMap horizon = map.map("horizon");
+  config.stages = horizon.integer("steps", 1, 500);
+  config.step_s = horizon.number("step_s", Bounds::positive());
+  // A plan is shifted by one stage a period; the first input is held for one period.
+  if (std::abs(config.step_s - period_s) > 1e-9)
+    horizon.fault("step_s", "must equal the vehicle's pwm.period_s, " + std::to_string(period_s));
+
+  const ConfigMap weights = map.map("weights");
+  config.weights = read_weights(weights);
+  config.force_weight = weights.number("force", Bounds::positive());
+  config.pair_force_n = map.map("inputs").number("pair_force_n", Bounds::positive());
+  config.bounds = read_bounds(map.map("soft_bounds"));
+
+  const ConfigMap solver = map.map("solver");
+  config.objective_scale = solver.number("objective_scale", Bounds::positive());
+  config.solver = read_solver(solver, period_s);
+
+  config.lead_s = map.map("timing").number("lead_s", Bounds::between(0.0, period_s));
+  config.limits = read_limits(map.map("limits"));
+
+  try {
+    if (thruster_pairs(vehicle).size() != 4)
+      map.fault("formulation", "direct_allocation needs a vehicle of four thruster pairs");
+  } catch (const std::invalid_argument& error) {
+    map.fault("formulation", std::string("direct_allocation needs thruster pairs: ") + error.what());
+  }
+  file.check();
+  if (config.attitude_error == AttitudeError::kVector) {
+    try {
+      planar_terminal_weight(make_direct_allocation(vehicle, config).dynamics(), config.weights,
+                             config.force_weight, 0.0);
+    } catch (const std::invalid_argument& error) {
+      weights.fault(error.what());
+      file.check();
+    }
+  }
+  return config;
+}
+
+}  // namespace atmos

@@ -1,0 +1,137 @@
+#include "atmos_nmpc/tracking_cost.h"
+
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+using namespace state13;
+
+// Rows of x over which the soft bounds run, block by block.
+constexpr int kBoundedBlocks[3] = {kPosition, kVelocity, kAngularVelocity};
+
+const Eigen::Vector3d& limits_of(const SoftBounds& bounds, int block) {
+  return block == 0 ? bounds.position : block == 1 ? bounds.velocity : bounds.rate;
+}
+
+struct Penalty {
+  double value, slope, curvature;
+};
+
+// linear * h + quadratic * h^2 for a violation d.
+Penalty penalty(const SoftBounds& bounds, double d) {
+  const double root = std::sqrt(d * d + bounds.width * bounds.width);
+  const double h = d > 0.0 ? 0.5 * (d + root) : 0.5 * bounds.width * bounds.width / (root - d);
+  const double dh = h / root;
+  const double ddh = 0.5 * bounds.width * bounds.width / (root * root * root);
+  const double slope_h = bounds.linear + 2.0 * bounds.quadratic * h;
+  return {(bounds.linear + bounds.quadratic * h) * h, slope_h * dh,
+          slope_h * ddh + 2.0 * bounds.quadratic * dh * dh};
+}
+
+// Both sides of |y| <= limit.
+Penalty box_penalty(const SoftBounds& bounds, double limit, double y) {
+  const Penalty above = penalty(bounds, y - limit), below = penalty(bounds, -y - limit);
+  return {above.value + below.value, above.slope - below.slope, above.curvature + below.curvature};
+}
+
+// 2 vec(q_ref^-1 q) = matrix * q.
+Eigen::Matrix<double, 3, 4> vector_error_matrix(const Quaternion4<double>& r) {
+  Eigen::Matrix<double, 3, 4> G;
+  G << -r[1], r[0], r[3], -r[2], -r[2], -r[3], r[0], r[1], -r[3], r[2], -r[1], r[0];
+  return 2.0 * G;
+}
+
+}  // namespace
+
+TrackingCost::TrackingCost(AttitudeError kind, const TrackingWeights& weights, const SoftBounds& bounds)
+    : kind_(kind), weights_(weights), bounds_(bounds) {
+  State at_origin = State::Zero();
+  at_origin[kQuaternion] = 1.0;
+  set_reference(at_origin, at_origin.segment<4>(kQuaternion), PlanarWeight::Zero());
+}
+
+void TrackingCost::set_reference(const State& reference, const Quaternion4<double>& q_now,
+                                 const PlanarWeight& planar_terminal) {
+  reference_ = reference;
+  auto q_ref = reference_.segment<4>(kQuaternion);
+  if (q_ref.dot(q_now) < 0.0) q_ref = -q_ref;
+
+  // Error e = E (x - reference) in the order p, v, attitude, w; the attitude rows vanish at the reference
+  // themselves.
+  Eigen::Matrix<double, 12, 13> E = Eigen::Matrix<double, 12, 13>::Zero();
+  E.block<6, 6>(0, 0).setIdentity();
+  if (kind_ == AttitudeError::kVector) E.block<3, 4>(6, kQuaternion) = vector_error_matrix(q_ref);
+  E.block<3, 3>(9, kAngularVelocity).setIdentity();
+
+  Eigen::Matrix<double, 12, 1> diagonal;
+  diagonal << weights_.position, weights_.velocity, weights_.attitude, weights_.rate;
+  Eigen::Matrix<double, 12, 12> terminal = (weights_.terminal_factor * diagonal).asDiagonal();
+  if (kind_ == AttitudeError::kVector) {
+    constexpr int kPlanar[6] = {0, 1, 8, 3, 4, 11};  // x, y, yaw, vx, vy, yaw rate
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) terminal(kPlanar[i], kPlanar[j]) = planar_terminal(i, j);
+    }
+  }
+  stage_ = 2.0 * E.transpose() * diagonal.asDiagonal() * E;
+  terminal_ = 2.0 * E.transpose() * terminal * E;
+}
+
+double TrackingCost::value(const State& x, bool terminal) const {
+  const State d = x - reference_;
+  double sum = 0.5 * d.dot((terminal ? terminal_ : stage_) * d);
+  if (kind_ == AttitudeError::kPaper) {
+    const double c = reference_.segment<4>(kQuaternion).dot(x.segment<4>(kQuaternion));
+    const double e = 1.0 - c * c;
+    sum += (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2] * e * e;
+  }
+  for (int block = 0; block < 3; ++block) {
+    for (int i = 0; i < 3; ++i)
+      sum += box_penalty(bounds_, limits_of(bounds_, block)[i], x[kBoundedBlocks[block] + i]).value;
+  }
+  return sum;
+}
+
+void TrackingCost::add_gradient(const State& x, bool terminal, double factor, State& gradient) const {
+  gradient.noalias() += factor * ((terminal ? terminal_ : stage_) * (x - reference_));
+  if (kind_ == AttitudeError::kPaper) {
+    const Quaternion4<double> r = reference_.segment<4>(kQuaternion);
+    const double c = r.dot(x.segment<4>(kQuaternion));
+    const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
+    gradient.segment<4>(kQuaternion) += factor * weight * (-4.0 * c * (1.0 - c * c)) * r;
+  }
+  for (int block = 0; block < 3; ++block) {
+    for (int i = 0; i < 3; ++i) {
+      const int row = kBoundedBlocks[block] + i;
+      gradient[row] += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).slope;
+    }
+  }
+}
+
+void TrackingCost::add_hessian(const State& x, bool terminal, double factor, Hessian& H) const {
+  H += factor * (terminal ? terminal_ : stage_);
+  if (kind_ == AttitudeError::kPaper) {
+    const Quaternion4<double> r = reference_.segment<4>(kQuaternion);
+    const double c = r.dot(x.segment<4>(kQuaternion));
+    const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
+    H.block<4, 4>(kQuaternion, kQuaternion) += factor * weight * (12.0 * c * c - 4.0) * r * r.transpose();
+  }
+  for (int block = 0; block < 3; ++block) {
+    for (int i = 0; i < 3; ++i) {
+      const int row = kBoundedBlocks[block] + i;
+      H(row, row) += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).curvature;
+    }
+  }
+}
+
+int TrackingCost::active_bounds(const State& x, double tolerance) const {
+  int count = 0;
+  for (int block = 0; block < 3; ++block) {
+    for (int i = 0; i < 3; ++i)
+      count += std::abs(x[kBoundedBlocks[block] + i]) >= limits_of(bounds_, block)[i] - tolerance ? 1 : 0;
+  }
+  return count;
+}
+
+}  // namespace atmos
