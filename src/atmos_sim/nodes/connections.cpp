@@ -11,6 +11,36 @@
 
 namespace atmos {
 
+namespace {
+
+// One row of a node's getBusInfo. The peer of an inbound link is the publisher's address, of an outbound one the
+// subscriber's name.
+struct Link {
+  std::string peer, direction, topic;
+};
+
+// The links of the node that answers at `uri`; none when there is no such node.
+std::vector<Link> links_of(const std::string& uri) {
+  std::string host;
+  std::uint32_t port = 0;
+  if (!ros::network::splitURI(uri, host, port)) return {};
+  XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
+  XmlRpc::XmlRpcValue self, answer;
+  self[0] = ros::this_node::getName();
+  if (!client.execute("getBusInfo", self, answer) || client.isFault()) return {};
+  std::vector<Link> links;
+  try {
+    // [code, message, [[id, peer, direction, transport, topic, connected, ...], ...]]
+    XmlRpc::XmlRpcValue& rows = answer[2];
+    for (int i = 0; i < rows.size(); ++i) links.push_back({rows[i][1], rows[i][2], rows[i][4]});
+  } catch (const XmlRpc::XmlRpcException&) {
+    return {};  // not the answer of a ROS node
+  }
+  return links;
+}
+
+}  // namespace
+
 std::vector<Connection> parse_connections(const std::string& text) {
   std::vector<Connection> connections;
   std::vector<ConfigFault> faults;
@@ -32,27 +62,12 @@ bool is_connected(const Connection& connection) {
   request[0] = ros::this_node::getName();
   request[1] = connection.node;
   if (!ros::master::execute("lookupNode", request, response, uri, false)) return false;
-  std::string host;
-  std::uint32_t port = 0;
-  if (!ros::network::splitURI(static_cast<std::string&>(uri), host, port)) return false;
-
-  XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port), "/");
-  XmlRpc::XmlRpcValue self, info;
-  self[0] = ros::this_node::getName();
-  if (!client.execute("getBusInfo", self, info) || client.isFault()) return false;
-  try {
-    // [code, message, [[id, peer, direction, transport, topic, connected, ...], ...]]
-    XmlRpc::XmlRpcValue& rows = info[2];
-    for (int i = 0; i < rows.size(); ++i) {
-      XmlRpc::XmlRpcValue& row = rows[i];
-      if (static_cast<std::string&>(row[2]) != "i" || static_cast<std::string&>(row[4]) != connection.topic) continue;
-      if (row.size() < 6) return true;
-      if (row[5].getType() == XmlRpc::XmlRpcValue::TypeInt ? static_cast<int&>(row[5]) != 0
-                                                           : static_cast<bool&>(row[5]))
-        return true;
+  // The subscriber lists a link as soon as it asks for it; messages reach it once the publisher lists it too.
+  for (const Link& in : links_of(uri)) {
+    if (in.direction != "i" || in.topic != connection.topic) continue;
+    for (const Link& out : links_of(in.peer)) {
+      if (out.direction == "o" && out.topic == connection.topic && out.peer == connection.node) return true;
     }
-  } catch (const XmlRpc::XmlRpcException&) {
-    return false;  // not the answer of a ROS node
   }
   return false;
 }
