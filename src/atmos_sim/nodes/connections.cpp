@@ -13,8 +13,8 @@ namespace atmos {
 
 namespace {
 
-// One row of a node's getBusInfo. The peer of an inbound link is the publisher's address, of an outbound one the
-// subscriber's name.
+// One row of a node's getBusInfo. The peer of an inbound link is the publisher's address, of an outbound one
+// the subscriber's name.
 struct Link {
   std::string peer, direction, topic;
 };

@@ -15,8 +15,8 @@ struct Connection {
 // "/atmos/nmpc:/atmos/odometry /atmos/nmpc:/atmos/setpoint"; throws ConfigError naming every malformed word.
 std::vector<Connection> parse_connections(const std::string& text);
 
-// Asks the node and its publishers (master API lookupNode, slave API getBusInfo): messages published from now on arrive.
-// False as well when a node does not exist or answer.
+// Asks the node and its publishers (master API lookupNode, slave API getBusInfo): messages published from now
+// on arrive. False as well when a node does not exist or answer.
 bool is_connected(const Connection& connection);
 
 }  // namespace atmos

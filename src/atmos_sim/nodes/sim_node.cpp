@@ -1,4 +1,5 @@
-// The simulator as a node: mocap frames, truth and the clock out, thruster commands in (docs/architecture.md, "Lockstep").
+// The simulator as a node: mocap frames, truth and the clock out, thruster commands in (docs/architecture.md,
+// "Lockstep").
 #include <atmos_msgs/ThrusterCommand.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <nav_msgs/Odometry.h>
@@ -49,14 +50,17 @@ Options read_options(const ros::NodeHandle& node) {
   options.summary = node.param<std::string>("summary", "");
 
   std::vector<ConfigFault> faults;
-  const auto fault = [&](const char* key, const char* rule) { faults.push_back({node.getNamespace(), 0, key, rule}); };
+  const auto fault = [&](const char* key, const char* rule) {
+    faults.push_back({node.getNamespace(), 0, key, rule});
+  };
   if (clock != "lockstep" && clock != "real") fault("clock", "must be one of lockstep, real");
   if (!(options.speed > 0.0) || std::isinf(options.speed)) fault("speed", "must be > 0");
   if (!(options.answer_limit_s > 0.0)) fault("answer_limit_s", "must be > 0");
   const double frames_per_period = options.scenario.mocap.rate_hz * options.scenario.vehicle.pwm.period_s;
   if (options.lockstep && std::abs(frames_per_period - std::round(frames_per_period)) > 1e-6) {
-    faults.push_back({options.scenario.path, 0, "mocap.rate_hz",
-                      "must give a whole number of frames per PWM period in lockstep: the answer is waited for there"});
+    faults.push_back(
+        {options.scenario.path, 0, "mocap.rate_hz",
+         "must give a whole number of frames per PWM period in lockstep: the answer is waited for there"});
   }
   if (!faults.empty()) throw ConfigError(faults);
   options.wait_for = parse_connections(node.param<std::string>("wait_for", ""));
@@ -66,7 +70,8 @@ Options read_options(const ros::NodeHandle& node) {
 // Whole multiples of a period in ROS time.
 class Beat {
  public:
-  Beat(double period_s, double from_s) : period_s_(period_s), count_(std::ceil((from_s - kSameInstant) / period_s)) {}
+  Beat(double period_s, double from_s)
+      : period_s_(period_s), count_(std::ceil((from_s - kSameInstant) / period_s)) {}
   double next() const { return count_ * period_s_; }
   bool due(double t) const { return next() <= t + kSameInstant; }
   void pass() { count_ += 1.0; }
@@ -87,12 +92,14 @@ class SimNode {
         truth_beat_(1.0 / kTruthRate, kStart),
         clock_beat_(1.0 / kClockRate, kStart),
         progress_beat_(kProgressPeriod, kStart + kProgressPeriod) {
-    const std::string robot = ros::this_node::getNamespace().substr(ros::this_node::getNamespace().rfind('/') + 1);
+    const std::string robot =
+        ros::this_node::getNamespace().substr(ros::this_node::getNamespace().rfind('/') + 1);
     base_frame_ = base_frame(robot.empty() ? options_.scenario.vehicle.name : robot);
     clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", kQueue, true);
     pose_ = node_.advertise<geometry_msgs::PoseStamped>("mocap/pose", kQueue);
     truth_ = node_.advertise<nav_msgs::Odometry>("sim/truth", kQueue);
-    commands_ = node_.subscribe("thruster_command", kQueue, &SimNode::take, this, ros::TransportHints().tcpNoDelay());
+    commands_ =
+        node_.subscribe("thruster_command", kQueue, &SimNode::take, this, ros::TransportHints().tcpNoDelay());
   }
 
   // Flies the scenario; the exit code.
@@ -243,8 +250,8 @@ class SimNode {
   int finish() {
     const double wall_s = wall_elapsed();
     const double flight_s = simulation_.time_s() - kStart;
-    std::printf("sim: flight over: commands %lu in time, %lu late, %lu expired, %lu malformed\n", taken_[0], taken_[1],
-                taken_[2], taken_[3]);
+    std::printf("sim: flight over: commands %lu in time, %lu late, %lu expired, %lu malformed\n", taken_[0],
+                taken_[1], taken_[2], taken_[3]);
     std::fflush(stdout);
     if (!options_.summary.empty()) {
       const nlohmann::json summary = {{"realtime_factor", flight_s / wall_s},
@@ -283,7 +290,6 @@ class SimNode {
 }  // namespace atmos
 
 int main(int argc, char** argv) {
-  return atmos::run_node(argc, argv, "sim", [] {
-    return atmos::SimNode(atmos::read_options(ros::NodeHandle("~"))).fly();
-  });
+  return atmos::run_node(argc, argv, "sim",
+                         [] { return atmos::SimNode(atmos::read_options(ros::NodeHandle("~"))).fly(); });
 }

@@ -39,13 +39,15 @@ void put(std::ostream& out, double value, char end) {
 
 }  // namespace
 
-BatchResult run_batch(const Scenario& scenario, const std::vector<ThrusterCommand>& commands, double start_s) {
+BatchResult run_batch(const Scenario& scenario, const std::vector<ThrusterCommand>& commands,
+                      double start_s) {
   Simulation simulation(scenario, start_s);
   MocapSensor mocap(scenario.mocap, scenario.seed, start_s);
   BatchResult result;
   for (const ThrusterCommand& command : commands) {
     const ValveSchedule::Taken taken = simulation.command(command);
-    if (taken == ValveSchedule::Taken::kExpired || taken == ValveSchedule::Taken::kMalformed) ++result.unused_commands;
+    if (taken == ValveSchedule::Taken::kExpired || taken == ValveSchedule::Taken::kMalformed)
+      ++result.unused_commands;
   }
   const double end_s = start_s + scenario.duration_s;
   while (mocap.next_frame_s() <= end_s + kSameInstant) {
@@ -119,11 +121,13 @@ void write_commands(const std::vector<ThrusterCommand>& commands, std::ostream& 
 }
 
 void write_states(const BatchResult& result, std::ostream& out) {
-  out << "stamp_s,x_m,y_m,yaw_rad,vx_m_s,vy_m_s,yaw_rate_rad_s,mocap_stamp_s,mocap_x_m,mocap_y_m,mocap_yaw_rad\n";
+  out << "stamp_s,x_m,y_m,yaw_rad,vx_m_s,vy_m_s,yaw_rate_rad_s,mocap_stamp_s,mocap_x_m,mocap_y_m,mocap_yaw_"
+         "rad\n";
   for (const BatchRow& row : result.rows) {
     const PlanarState<double>& truth = row.truth;
-    for (const double value : {row.time_s, truth.p_WC.x(), truth.p_WC.y(), truth.yaw, truth.v_WC.x(), truth.v_WC.y(),
-                               truth.yaw_rate, row.frame.stamp_s, row.frame.pose.p_W.x(), row.frame.pose.p_W.y()})
+    for (const double value :
+         {row.time_s, truth.p_WC.x(), truth.p_WC.y(), truth.yaw, truth.v_WC.x(), truth.v_WC.y(),
+          truth.yaw_rate, row.frame.stamp_s, row.frame.pose.p_W.x(), row.frame.pose.p_W.y()})
       put(out, value, ',');
     put(out, row.frame.pose.yaw, '\n');
   }

@@ -11,8 +11,8 @@ namespace {
 
 constexpr double kSameInstant = 1e-7;  // s: frames and dropouts are told apart far more coarsely
 
-// In (0, 1): 53 random bits, never 0, so that its logarithm exists. Own code, because the standard leaves the algorithm
-// of its distributions to the library.
+// In (0, 1): 53 random bits, never 0, so that its logarithm exists. Own code, because the standard leaves the
+// algorithm of its distributions to the library.
 double uniform(std::mt19937_64& random) { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; }
 
 // Two independent standard normal numbers (Box and Muller).

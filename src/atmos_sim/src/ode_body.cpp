@@ -9,7 +9,8 @@ namespace atmos {
 
 namespace {
 
-// ODE's handlers are process-wide and get no context: what the last step of this thread reported is left here.
+// ODE's handlers are process-wide and get no context: what the last step of this thread reported is left
+// here.
 thread_local std::string ode_report;
 
 void take_report(int number, const char* text, va_list arguments) {
@@ -66,11 +67,13 @@ Simulation::OdeBody::~OdeBody() {
 void Simulation::OdeBody::set_mass(double mass_kg) {
   mass_kg_ = mass_kg;
   dMass mass;
-  dMassSetParameters(&mass, mass_kg, 0.0, 0.0, 0.0, inertia_kg_m2_, inertia_kg_m2_, inertia_kg_m2_, 0.0, 0.0, 0.0);
+  dMassSetParameters(&mass, mass_kg, 0.0, 0.0, 0.0, inertia_kg_m2_, inertia_kg_m2_, inertia_kg_m2_, 0.0, 0.0,
+                     0.0);
   dBodySetMass(body_, &mass);
 }
 
-void Simulation::OdeBody::step(const PlanarAcceleration<double>& acceleration, double dt, PlanarState<double>& state) {
+void Simulation::OdeBody::step(const PlanarAcceleration<double>& acceleration, double dt,
+                               PlanarState<double>& state) {
   const Vec2<double> force = mass_kg_ * acceleration.a_WC;
   dBodyAddForce(body_, force.x(), force.y(), 0.0);
   dBodyAddTorque(body_, 0.0, 0.0, inertia_kg_m2_ * acceleration.yaw_acceleration);
@@ -78,8 +81,8 @@ void Simulation::OdeBody::step(const PlanarAcceleration<double>& acceleration, d
   dWorldStep(world_, dt);
   if (!ode_report.empty()) throw std::runtime_error(ode_report);
 
-  // ODE moves the body with the new velocity over the whole step (semi-implicit Euler). Half of the change of velocity
-  // taken back makes it the trapezoid, exact under a constant force.
+  // ODE moves the body with the new velocity over the whole step (semi-implicit Euler). Half of the change of
+  // velocity taken back makes it the trapezoid, exact under a constant force.
   const dReal* p = dBodyGetPosition(body_);
   const dReal* v = dBodyGetLinearVel(body_);
   const Vec2<double> v_new(v[0], v[1]);

@@ -26,7 +26,8 @@ PlanarState<double> start_state(const Scenario& scenario, const Plant& plant) {
 template <class T>
 T hermite(const T& p0, const T& v0, const T& p1, const T& v1, double s, double dt) {
   const double s2 = s * s, s3 = s2 * s;
-  return (2 * s3 - 3 * s2 + 1) * p0 + (s3 - 2 * s2 + s) * dt * v0 + (3 * s2 - 2 * s3) * p1 + (s3 - s2) * dt * v1;
+  return (2 * s3 - 3 * s2 + 1) * p0 + (s3 - 2 * s2 + s) * dt * v0 + (3 * s2 - 2 * s3) * p1 +
+         (s3 - s2) * dt * v1;
 }
 
 }  // namespace
@@ -70,7 +71,8 @@ void Simulation::advance_to(double until_s) {
   valves_.forget_before(time_s_);
 }
 
-// Explicit midpoint rule: forces are those half a step ahead, which makes the spin of thrust with the body second order.
+// Explicit midpoint rule: forces are those half a step ahead, which makes the spin of thrust with the body
+// second order.
 void Simulation::step(double dt) {
   const VecX<double> openings = this->openings();
   const PlantRate<double> start = plant_.rate<double>(time_s_, body_, hidden_, openings);

@@ -104,8 +104,8 @@ TEST(Batch, EveryFaultOfATableIsReported) {
   } catch (const ConfigError& error) {
     std::vector<std::pair<int, std::string>> where;
     for (const ConfigFault& fault : error.faults()) where.push_back({fault.line, fault.key});
-    const std::vector<std::pair<int, std::string>> expected = {{1, "header"}, {3, "stamp_s"}, {4, "period_s"}, {4, "duty1"},
-                                                               {4, "duty2"},  {5, "duty1"},   {6, "row"}};
+    const std::vector<std::pair<int, std::string>> expected = {
+        {1, "header"}, {3, "stamp_s"}, {4, "period_s"}, {4, "duty1"}, {4, "duty2"}, {5, "duty1"}, {6, "row"}};
     EXPECT_EQ(where, expected) << error.what();
   }
   EXPECT_THROW(read_commands("/nowhere.csv", 2), ConfigError);

@@ -39,8 +39,8 @@ std::string write_scenario(const std::string& duration) {
 Ended run_simulator(const std::string& arguments, const std::string& duration = "2.0") {
   ros::param::del("/atmos/sim");  // what an earlier run was given
   const ros::WallTime start = ros::WallTime::now();
-  const std::string command =
-      std::string(SIM_NODE) + " __ns:=/atmos _scenario:=" + write_scenario(duration) + " " + arguments + " 2>&1";
+  const std::string command = std::string(SIM_NODE) + " __ns:=/atmos _scenario:=" + write_scenario(duration) +
+                              " " + arguments + " 2>&1";
   FILE* pipe = popen(command.c_str(), "r");
   Ended ended{-1, "", 0.0};
   char buffer[512];
@@ -63,7 +63,8 @@ TEST(Lockstep, AMissingAnswerEndsTheFlightAndNamesTheTopic) {
 TEST(Lockstep, AMissingConnectionIsNamedBeforeTimeStarts) {
   const Ended ended = run_simulator("_answer_limit_s:=2.0 _wait_for:='/nobody:/atmos/odometry'");
   EXPECT_EQ(ended.exit_code, 1) << ended.output;
-  EXPECT_NE(ended.output.find("node /nobody does not receive topic /atmos/odometry"), std::string::npos) << ended.output;
+  EXPECT_NE(ended.output.find("node /nobody does not receive topic /atmos/odometry"), std::string::npos)
+      << ended.output;
   EXPECT_LT(ended.wall_s, 12.0);
 }
 
@@ -84,7 +85,8 @@ class Answering {
  public:
   Answering() : spinner_(1) {
     command_ = node_.advertise<atmos_msgs::ThrusterCommand>("/atmos/thruster_command", 100);
-    pose_ = node_.subscribe("/atmos/mocap/pose", 1000, &Answering::answer, this, ros::TransportHints().tcpNoDelay());
+    pose_ = node_.subscribe("/atmos/mocap/pose", 1000, &Answering::answer, this,
+                            ros::TransportHints().tcpNoDelay());
     clock_ = node_.subscribe("/clock", 1000, &Answering::tick, this);
     truth_ = node_.subscribe("/atmos/sim/truth", 1000, &Answering::truth, this);
     spinner_.start();
@@ -121,8 +123,9 @@ TEST(Lockstep, FliesToTheEndWhenAnswered) {
   const std::string summary_path = testing::TempDir() + "/sim_lockstep_summary.json";
   std::remove(summary_path.c_str());
   const std::string self = ros::this_node::getName();
-  const Ended ended = run_simulator("_summary:=" + summary_path + " _wait_for:='" + self + ":/atmos/mocap/pose " + self +
-                                    ":/clock " + self + ":/atmos/sim/truth'");
+  const Ended ended =
+      run_simulator("_summary:=" + summary_path + " _wait_for:='" + self + ":/atmos/mocap/pose " + self +
+                    ":/clock " + self + ":/atmos/sim/truth /atmos/sim:/atmos/thruster_command'");
   controller.stop();
   EXPECT_EQ(ended.exit_code, 0) << ended.output;
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "test_scenario.h"
@@ -53,9 +54,7 @@ TEST(MocapSensor, NoiseHasTheGivenStandardDeviations) {
   Scenario scenario = test_scenario();
   scenario.mocap.noise_m = 3e-4;
   scenario.mocap.noise_rad = 9e-4;
-  const Scenario silent = test_scenario();
   const int count = 20000;
-  const Simulation resting(silent, kTestStart);
   Simulation simulation(scenario, kTestStart);
   MocapSensor mocap(scenario.mocap, 17, kTestStart);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -105,6 +104,19 @@ TEST(MocapSensor, LosesExactlyTheFramesOfAStretch) {
   const auto frames = frames_of(scenario, 150);
   for (int k = 0; k < 150; ++k)
     EXPECT_EQ(lost(frames[static_cast<std::size_t>(k)]), (k >= 50 && k < 75) || k == 100) << k;
+}
+
+TEST(MocapSensor, LatencyShowsThePastUnderThePresentStamp) {
+  Scenario scenario = test_scenario();
+  MocapLatency latency;
+  latency.delay_s = 0.0305;
+  scenario.effects = {latency};
+  const auto frames = frames_of(scenario, 100);
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const double t = 0.01 * static_cast<double>(k);
+    EXPECT_DOUBLE_EQ(frames[k].stamp_s, (123450.0 + static_cast<double>(k)) / 100.0);
+    EXPECT_NEAR(frames[k].pose.p_W.x(), x_after(std::max(t - 0.0305, 0.0)), 1e-9);
+  }
 }
 
 TEST(MocapSensor, SeedsDecideTheNoise) {

@@ -38,7 +38,8 @@ Difference compare(const Scenario& scenario, std::uint64_t seed) {
     const PlanarState<double>& ode = simulation.center_of_mass();
     difference.position_m = std::max(difference.position_m, (ode.p_WC - model.body.p_WC).norm());
     difference.yaw_rad = std::max(difference.yaw_rad, std::abs(ode.yaw - model.body.yaw));
-    difference.hidden = std::max(difference.hidden, (simulation.hidden() - model.hidden).lpNorm<Eigen::Infinity>());
+    difference.hidden =
+        std::max(difference.hidden, (simulation.hidden() - model.hidden).lpNorm<Eigen::Infinity>());
     difference.fastest_spin = std::max(difference.fastest_spin, std::abs(ode.yaw_rate));
   }
   return difference;
@@ -57,7 +58,8 @@ void expect_agreement(const Scenario& scenario) {
     worst_yaw = std::max(worst_yaw, difference.yaw_rad);
     fastest = std::max(fastest, difference.fastest_spin);
   }
-  std::printf("worst of 20 flights: %.2e m, %.2e rad; fastest spin %.2f rad/s\n", worst_position, worst_yaw, fastest);
+  std::printf("worst of 20 flights: %.2e m, %.2e rad; fastest spin %.2f rad/s\n", worst_position, worst_yaw,
+              fastest);
 }
 
 TEST(OdeAgainstModel, WithoutEffects) { expect_agreement(test_scenario()); }

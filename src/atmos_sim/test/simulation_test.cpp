@@ -65,7 +65,8 @@ TEST(Simulation, ConstantTorqueFollowsTheClosedForm) {
   EXPECT_LT(simulation.truth().p_WC.norm(), 1e-9);
 }
 
-// Work of the thrust against kinetic energy, and impulse against momentum, from the forces the plant itself reports.
+// Work of the thrust against kinetic energy, and impulse against momentum, from the forces the plant itself
+// reports.
 TEST(Simulation, EnergyAndMomentumBalance) {
   Scenario scenario = test_scenario();
   scenario.duration_s = 10.0;
@@ -80,7 +81,8 @@ TEST(Simulation, EnergyAndMomentumBalance) {
     const VecX<double> openings = simulation.openings();
     simulation.advance_to(kTestStart + k * dt);
     if (simulation.openings() != openings) {
-      // An edge inside: the balance over this slice is taken from the momenta, so that only smooth slices are tested.
+      // An edge inside: the balance over this slice is taken from the momenta, so that only smooth slices are
+      // tested.
       const PlanarState<double>& after = simulation.center_of_mass();
       impulse += m * (after.v_WC - before.v_WC);
       angular_impulse += inertia * (after.yaw_rate - before.yaw_rate);
@@ -174,29 +176,34 @@ TEST(Simulation, SupplyCouplingWeakensThrustAsPublished) {
   EXPECT_NEAR(std::abs(four.truth().yaw_rate) * 0.297 / 0.1, 0.510, 1e-9);
 }
 
-TEST(Simulation, IdenticalInputsGiveIdenticalMotionHoweverItIsCutIntoCalls) {
+TEST(Simulation, IdenticalInputsGiveIdenticalMotionBesideAnotherWorld) {
   const Scenario scenario = all_effects_scenario();
   const auto commands = random_commands(scenario, kTestStart, 11);
-  Simulation a(scenario, kTestStart), b(scenario, kTestStart);
-  command_all(a, commands);
-  command_all(b, commands);
-  // On the step grid a call more or less changes nothing, and two worlds stepped in turn do not disturb each other.
-  for (int k = 1; k <= 200; ++k) {
-    a.advance_to(kTestStart + 0.1 * k);
-    for (int i = 1; i <= 10; ++i) b.advance_to(kTestStart + 0.1 * (k - 1) + 0.01 * i);
-  }
-  a.advance_to(kTestStart + 20.0);
-  b.advance_to(kTestStart + 20.0);
-  EXPECT_LT((a.truth().p_WC - b.truth().p_WC).norm(), 1e-9);
+  Simulation alone(scenario, kTestStart);
+  command_all(alone, commands);
+  for (int k = 1; k <= 200; ++k) alone.advance_to(kTestStart + 0.1 * k);
 
-  Simulation c(scenario, kTestStart), other(scenario, kTestStart);
-  command_all(c, commands);
+  Simulation accompanied(scenario, kTestStart), other(scenario, kTestStart);
+  command_all(accompanied, commands);
+  command_all(other, random_commands(scenario, kTestStart, 12));
   for (int k = 1; k <= 200; ++k) {
     other.advance_to(kTestStart + 0.0777 * k);
-    c.advance_to(kTestStart + 0.1 * k);
+    accompanied.advance_to(kTestStart + 0.1 * k);
   }
-  c.advance_to(kTestStart + 20.0);
-  expect_identical(a.truth(), c.truth());
+  EXPECT_GT(alone.truth().p_WC.norm(), 0.1);
+  expect_identical(alone.truth(), accompanied.truth());
+}
+
+TEST(Simulation, CutsBetweenCallsOnlyAddRounding) {
+  const Scenario scenario = all_effects_scenario();
+  const auto commands = random_commands(scenario, kTestStart, 11);
+  Simulation whole(scenario, kTestStart), pieces(scenario, kTestStart);
+  command_all(whole, commands);
+  command_all(pieces, commands);
+  for (int k = 1; k <= 2000; ++k) pieces.advance_to(kTestStart + 0.01 * k);
+  whole.advance_to(kTestStart + 20.0);
+  EXPECT_LT((whole.truth().p_WC - pieces.truth().p_WC).norm(), 1e-9);
+  EXPECT_EQ(whole.steps(), pieces.steps());
 }
 
 TEST(Simulation, WorldsInTwoThreadsDoNotDisturbEachOther) {
@@ -214,11 +221,20 @@ TEST(Simulation, WorldsInTwoThreadsDoNotDisturbEachOther) {
 }
 
 TEST(Simulation, RemembersThePastForTheMocapLatency) {
-  const Scenario scenario = all_effects_scenario();
+  Scenario scenario = test_scenario();
+  MocapLatency latency;
+  latency.delay_s = 0.0305;
+  scenario.effects = {latency};
   Simulation simulation(scenario, kTestStart);
-  command_all(simulation, random_commands(scenario, kTestStart, 2));
-  EXPECT_EQ(simulation.center_of_mass_at(kTestStart - 5.0).p_WC, simulation.center_of_mass().p_WC);
+  command_all(simulation, repeated(open_thrusters(kTestStart, 1.0, {1, 3}), 20));
+  expect_identical(simulation.center_of_mass_at(kTestStart - 5.0), simulation.center_of_mass());
   simulation.advance_to(kTestStart + 1.0);
+  const double a = 3.4 / 16.8;
+  for (const double ago : {0.0, 0.0003, 0.001, 0.0305}) {
+    const PlanarState<double> past = simulation.center_of_mass_at(kTestStart + 1.0 - ago);
+    EXPECT_NEAR(past.p_WC.x(), 0.5 * a * (1.0 - ago) * (1.0 - ago), 1e-10) << ago;
+    EXPECT_NEAR(past.v_WC.x(), a * (1.0 - ago), 1e-10) << ago;
+  }
   expect_identical(simulation.center_of_mass_at(kTestStart + 1.0), simulation.center_of_mass());
 }
 

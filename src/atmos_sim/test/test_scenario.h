@@ -15,7 +15,9 @@ inline Scenario test_scenario() {
   return scenario;
 }
 
-inline Scenario all_effects_scenario() { return load_scenario(ATMOS_CONFIG_DIR "/scenario/all_effects.yaml"); }
+inline Scenario all_effects_scenario() {
+  return load_scenario(ATMOS_CONFIG_DIR "/scenario/all_effects.yaml");
+}
 
 // A command for the nominal eight thrusters that opens those numbered (from 1) for `duty`.
 inline ThrusterCommand open_thrusters(double stamp_s, double duty, const std::vector<int>& numbers) {

@@ -27,10 +27,13 @@ int main(int argc, char** argv) {
   CLI::App app("Flies the plant of a scenario open loop and writes one row per mocap frame.");
   app.add_option("scenario", scenario_path, "scenario file")->required();
   auto* table = app.add_option("--commands", commands_path, "CSV: stamp_s,period_s,duty1,...,dutyN");
-  app.add_option("--random", seed, "seed of random commands (without --commands; default 1)")->excludes(table);
+  app.add_option("--random", seed, "seed of random commands (without --commands; default 1)")
+      ->excludes(table);
   app.add_option("--out", states_path, "CSV of states to write")->required();
   app.add_option("--commands-out", commands_out_path, "CSV of the commands flown");
-  app.add_option("--start", start_s, "ROS time of the start [s]")->capture_default_str()->check(CLI::NonNegativeNumber);
+  app.add_option("--start", start_s, "ROS time of the start [s]")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -50,9 +53,10 @@ int main(int argc, char** argv) {
     if (!commands_out_path.empty() &&
         !write_file(commands_out_path, [&](std::ostream& out) { atmos::write_commands(commands, out); }))
       return 1;
-    std::printf("%zu rows, %zu commands (%lu not usable), %lu steps in %.3f s: %.0f steps/s, %.0f x real time\n",
-                result.rows.size(), commands.size(), result.unused_commands, result.steps, wall.count(),
-                static_cast<double>(result.steps) / wall.count(), scenario.duration_s / wall.count());
+    std::printf(
+        "%zu rows, %zu commands (%lu not usable), %lu steps in %.3f s: %.0f steps/s, %.0f x real time\n",
+        result.rows.size(), commands.size(), result.unused_commands, result.steps, wall.count(),
+        static_cast<double>(result.steps) / wall.count(), scenario.duration_s / wall.count());
     return 0;
   } catch (const atmos::ConfigError& error) {
     std::fprintf(stderr, "%s\n", error.what());

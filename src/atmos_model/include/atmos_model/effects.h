@@ -6,12 +6,13 @@
 #include <vector>
 
 #include "atmos_model/effects/floor_tilt.h"
+#include "atmos_model/effects/mocap_latency.h"
 #include "atmos_model/effects/supply_coupling.h"
 
 namespace atmos {
 
 // In table order: effects of a list are applied in this order however a file lists them.
-using Effect = std::variant<SupplyCoupling, FloorTilt>;
+using Effect = std::variant<SupplyCoupling, FloorTilt, MocapLatency>;
 
 struct EffectInfo {
   std::string kind;

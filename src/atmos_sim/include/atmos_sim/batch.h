@@ -28,15 +28,16 @@ struct BatchResult {
 // Flies the scenario from `start_s` for its duration, one row per mocap frame.
 BatchResult run_batch(const Scenario& scenario, const std::vector<ThrusterCommand>& commands, double start_s);
 
-// Commands that follow each other without a gap for the scenario's duration. Each duty is 0 or 1 with probability 1/8
-// each, otherwise uniform between.
+// Commands that follow each other without a gap for the scenario's duration. Each duty is 0 or 1 with
+// probability 1/8 each, otherwise uniform between.
 std::vector<ThrusterCommand> random_commands(const Scenario& scenario, double start_s, std::uint64_t seed);
 
 // Reads a table with the header `stamp_s,period_s,duty1,...,dutyN`. Throws ConfigError with every fault.
 std::vector<ThrusterCommand> read_commands(const std::string& path, int thruster_count);
 // Writes what read_commands reads.
 void write_commands(const std::vector<ThrusterCommand>& commands, std::ostream& out);
-// Writes `stamp_s,x_m,y_m,yaw_rad,vx_m_s,vy_m_s,yaw_rate_rad_s,mocap_stamp_s,mocap_x_m,mocap_y_m,mocap_yaw_rad`;
+// Writes
+// `stamp_s,x_m,y_m,yaw_rad,vx_m_s,vy_m_s,yaw_rate_rad_s,mocap_stamp_s,mocap_x_m,mocap_y_m,mocap_yaw_rad`;
 // velocities in world axes, lost frames as nan.
 void write_states(const BatchResult& result, std::ostream& out);
 

@@ -15,8 +15,8 @@ struct MocapFrame {
   PlanarPose<double> pose;  // of the measured point, world
 };
 
-// Frames are due at whole multiples of 1/rate_hz in ROS time. The noise of a frame depends on seed and frame number
-// alone: dropouts do not shift it.
+// Frames are due at whole multiples of 1/rate_hz in ROS time. The noise of a frame depends on seed and frame
+// number alone: dropouts do not shift it.
 class MocapSensor {
  public:
   MocapSensor(const MocapSettings& settings, std::uint32_t seed, double start_s);

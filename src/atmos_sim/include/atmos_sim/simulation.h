@@ -11,8 +11,8 @@
 
 namespace atmos {
 
-// One flight of a scenario's vehicle. Times are ROS seconds. Identical inputs give bit-identical motion. Instances are
-// independent of each other; each is used by the thread that made it.
+// One flight of a scenario's vehicle. Times are ROS seconds. Identical inputs give bit-identical motion.
+// Instances are independent of each other; each is used by the thread that made it.
 class Simulation {
  public:
   // The robot rests at the scenario's start pose (geometric centre) at `start_s`, which is t0 of the effects.
@@ -23,8 +23,8 @@ class Simulation {
 
   // Hands a command to the valves at the present time; a late one acts only for the rest of its period.
   ValveSchedule::Taken command(const ThrusterCommand& command) { return valves_.add(command, time_s_); }
-  // Moves on to `until_s` in steps of at most the scenario's step_s, split exactly where a valve moves or a force jumps.
-  // Does nothing when `until_s` has passed. Throws std::runtime_error when ODE reports a fault.
+  // Moves on to `until_s` in steps of at most the scenario's step_s, split exactly where a valve moves or a
+  // force jumps. Does nothing when `until_s` has passed. Throws std::runtime_error when ODE reports a fault.
   void advance_to(double until_s);
 
   double time_s() const { return time_s_; }
@@ -33,7 +33,8 @@ class Simulation {
   // Motion of the geometric centre, and of the centre of mass.
   PlanarState<double> truth() const { return geometric_center_state(body_, plant_.properties().com_B); }
   const PlanarState<double>& center_of_mass() const { return body_; }
-  // The centre of mass at a past instant, no longer ago than the plant's mocap latency; before the start, at rest there.
+  // The centre of mass at a past instant, no longer ago than the plant's mocap latency; before the start, at
+  // rest there.
   PlanarState<double> center_of_mass_at(double t) const;
   const VecX<double>& hidden() const { return hidden_; }
   // Opening and thrust [N] of every valve now.
