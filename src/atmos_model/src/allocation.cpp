@@ -1,6 +1,7 @@
 #include "atmos_model/allocation.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -12,6 +13,9 @@ AllocationMatrices thruster_matrices(const Vehicle& vehicle) {
                               Eigen::Matrix<double, 3, Eigen::Dynamic>(3, n)};
   for (Eigen::Index i = 0; i < n; ++i) {
     const Thruster& thruster = vehicle.thrusters[static_cast<std::size_t>(i)];
+    if (!(std::abs(thruster.direction.norm() - 1.0) < 1e-9))
+      throw std::invalid_argument("the direction of thruster " + std::to_string(i + 1) +
+                                  " is not a unit vector");
     matrices.D.col(i) = thruster.direction;
     matrices.L.col(i) = thruster.position_m.cross(thruster.direction);
   }

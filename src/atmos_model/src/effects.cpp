@@ -11,12 +11,16 @@ namespace {
 
 struct ParameterReader {
   const ConfigMap& map;
-  void operator()(const ParameterInfo& info, double& value) const { value = map.number(info.name, info.bounds); }
+  void operator()(const ParameterInfo& info, double& value) const {
+    value = map.number(info.name, info.bounds);
+  }
 };
 
 struct ParameterWriter {
   YAML::Emitter& out;
-  void operator()(const ParameterInfo& info, double value) const { out << YAML::Key << info.name << YAML::Value << value; }
+  void operator()(const ParameterInfo& info, double value) const {
+    out << YAML::Key << info.name << YAML::Value << value;
+  }
 };
 
 struct ParameterCollector {
@@ -76,7 +80,14 @@ std::vector<Effect> read_effects(const ConfigMap& root) {
   for (const ConfigMap& item : root.maps("effects", false)) {
     const std::string kind = item.choice("kind", kinds());
     Effect effect;
-    if (!make_effect(kind, effect)) continue;
+    if (item.faulty("kind") || !make_effect(kind, effect)) {
+      item.skip("parameters");
+      continue;
+    }
+    const bool repeated = std::any_of(effects.begin(), effects.end(),
+                                      [&](const Effect& other) { return other.index() == effect.index(); });
+    if (repeated && !std::visit([](const auto& e) { return e.kRepeatable; }, effect))
+      item.fault("kind", "stands more than once: " + kind);
     const ConfigMap parameters = item.map("parameters");
     std::visit([&](auto& e) { e.parameters(e, ParameterReader{parameters}); }, effect);
     effects.push_back(effect);

@@ -1,6 +1,8 @@
 #include "atmos_model/plant.h"
 
 #include <algorithm>
+#include <limits>
+#include <utility>
 
 namespace atmos {
 

@@ -20,7 +20,8 @@ PlanarState<double> body_of(const VecX<double>& x) { return {x.segment<2>(0), x[
 
 }  // namespace
 
-void advance(const Plant& plant, const ValveSchedule& valves, double until_s, PlantState& state, double max_step_s) {
+void advance(const Plant& plant, const ValveSchedule& valves, double until_s, PlantState& state,
+             double max_step_s) {
   VecX<double> openings(plant.thruster_count());
   const std::vector<double>& jumps = plant.edges();
   while (state.time_s < until_s) {
@@ -32,17 +33,19 @@ void advance(const Plant& plant, const ValveSchedule& valves, double until_s, Pl
 
     const int steps = std::max(1, static_cast<int>(std::ceil((end - t) / max_step_s - 1e-9)));
     const double dt = (end - t) / steps;
+    const double before_end = std::nextafter(end, t);
     VecX<double> x = pack(state);
     for (int k = 0; k < steps; ++k) {
       const double step_start = t + k * dt;
       int stage = 0;
       x = rk4_step(x, dt, [&](const VecX<double>& at) {
-        // The classical scheme evaluates at t, twice at t + dt/2, and at t + dt: there just before the jump that may lie
-        // at the end, by more than the resolution of a ROS time.
-        const double offset = stage == 0 ? 0.0 : stage < 3 ? 0.5 * dt : std::max(0.5 * dt, dt - 1e-6);
+        // The classical scheme evaluates at t, twice at t + dt/2, and at t + dt: there just before the jump
+        // that may lie at the end.
+        const double offset = stage == 0 ? 0.0 : stage < 3 ? 0.5 * dt : dt;
+        const double now = std::min(step_start + offset, before_end);
         ++stage;
         const PlanarState<double> body = body_of(at);
-        const PlantRate<double> rate = plant.rate<double>(step_start + offset, body, at.tail(at.size() - 6), openings);
+        const PlantRate<double> rate = plant.rate<double>(now, body, at.tail(at.size() - 6), openings);
         VecX<double> derivative(at.size());
         derivative << body.v_WC, body.yaw_rate, rate.body.a_WC, rate.body.yaw_acceleration, rate.hidden;
         return derivative;

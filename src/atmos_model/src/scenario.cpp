@@ -24,8 +24,8 @@ MocapSettings read_mocap(const ConfigMap& map) {
   mocap.publish_delay_s = map.number("publish_delay_s", Bounds::between(0.0, 1.0), 0.0);
   mocap.dropout_probability = map.number("dropout_probability", Bounds::between(0.0, 1.0), 0.0);
   for (const ConfigMap& dropout : map.maps("dropouts", false)) {
-    mocap.dropouts.push_back(
-        {dropout.number("start_s", Bounds::non_negative()), dropout.number("duration_s", Bounds::positive())});
+    mocap.dropouts.push_back({dropout.number("start_s", Bounds::non_negative()),
+                              dropout.number("duration_s", Bounds::positive())});
   }
   return mocap;
 }
@@ -34,15 +34,16 @@ MocapSettings read_mocap(const ConfigMap& map) {
 
 std::vector<SetPoint> read_set_points(const ConfigMap& root, double latest_s) {
   std::vector<SetPoint> set_points;
+  double previous_s = -1.0;
   for (const ConfigMap& map : root.maps("setpoints")) {
     SetPoint point = read_pose(map);
     point.time_s = map.number("time_s", Bounds::between(0.0, latest_s));
     if (set_points.empty() && point.time_s != 0.0) map.fault("time_s", "must be 0 for the first set-point");
-    if (!set_points.empty() && point.time_s <= set_points.back().time_s)
-      map.fault("time_s", "must be later than that of the set-point before it");
+    if (point.time_s <= previous_s) map.fault("time_s", "must be later than that of the set-point before it");
+    if (!map.faulty("time_s")) previous_s = point.time_s;
     set_points.push_back(point);
   }
-  if (root.has("setpoints") && set_points.empty()) root.fault("setpoints", "must name at least one set-point");
+  if (set_points.empty()) root.fault("setpoints", "must name at least one set-point");
   return set_points;
 }
 
@@ -58,7 +59,9 @@ Scenario load_scenario(const std::string& path) {
   scenario.seed = static_cast<std::uint32_t>(root.integer("seed", 0, 2147483647));
   scenario.step_s = root.number("step_s", Bounds{0.0, 0.001, true}, 0.001);
   scenario.start = read_pose(root.map("start"));
-  scenario.set_points = read_set_points(root, scenario.duration_s);
+  const double latest_s =
+      root.faulty("duration_s") ? std::numeric_limits<double>::infinity() : scenario.duration_s;
+  scenario.set_points = read_set_points(root, latest_s);
   scenario.mocap = read_mocap(root.map("mocap"));
   scenario.effects = read_effects(root);
 
@@ -71,7 +74,7 @@ Scenario load_scenario(const std::string& path) {
     }
   };
   collect([&] { file.check(); });
-  if (root.has("vehicle")) collect([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
+  if (!root.faulty("vehicle")) collect([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
   if (!faults.empty()) throw ConfigError(faults);
   return scenario;
 }

@@ -32,10 +32,11 @@ std::string format_number(double value) {
   return out.str();
 }
 
+// Quoted scalars (tag "!") are texts, whatever they look like.
 template <class T>
 std::optional<T> scalar_as(const YAML::Node& node) {
   T value;
-  if (node.IsScalar() && YAML::convert<T>::decode(node, value)) return value;
+  if (node.IsScalar() && node.Tag() != "!" && YAML::convert<T>::decode(node, value)) return value;
   return std::nullopt;
 }
 
@@ -51,7 +52,8 @@ bool Bounds::contains(double value) const {
 std::string Bounds::text() const {
   const bool below = std::isfinite(min), above = std::isfinite(max);
   if (below && above)
-    return "must be in " + std::string(exclusive_min ? "(" : "[") + format_number(min) + ", " + format_number(max) + "]";
+    return "must be in " + std::string(exclusive_min ? "(" : "[") + format_number(min) + ", " +
+           format_number(max) + "]";
   if (below) return "must be " + std::string(exclusive_min ? "> " : ">= ") + format_number(min);
   if (above) return "must be <= " + format_number(max);
   return "must be a finite number";
@@ -68,6 +70,7 @@ struct ConfigMap::Impl {
   std::weak_ptr<ConfigFile::Impl> file;
   YAML::Node node;
   std::string prefix;  // "vehicle.thrusters[2]"
+  int line = 0;        // where the mapping stands, or should stand
   std::set<std::string> used;
 
   std::string key_path(const std::string& key) const { return prefix.empty() ? key : prefix + "." + key; }
@@ -75,8 +78,27 @@ struct ConfigMap::Impl {
   static int line_of(const YAML::Node& node) { return node.Mark().is_null() ? 0 : node.Mark().line + 1; }
 
   void report(const YAML::Node& at, const std::string& key, const std::string& rule) const {
+    report(line_of(at), key, rule);
+  }
+  void report(int at_line, const std::string& key, const std::string& rule) const {
     const auto owner_file = file.lock();
-    owner_file->faults.push_back({owner_file->path, at.IsDefined() ? line_of(at) : line_of(node), key, rule});
+    std::vector<ConfigFault>& faults = owner_file->faults;
+    // A key read twice is still one fault.
+    const bool known = std::any_of(faults.begin(), faults.end(), [&](const ConfigFault& fault) {
+      return fault.line == at_line && fault.key == key && fault.rule == rule;
+    });
+    if (!known) faults.push_back({owner_file->path, at_line, key, rule});
+  }
+
+  // Whether a fault of `key`, or of something inside it, stands recorded.
+  bool faulty(const std::string& key) const {
+    const auto owner_file = file.lock();
+    return std::any_of(owner_file->faults.begin(), owner_file->faults.end(),
+                       [&key](const ConfigFault& fault) {
+                         return fault.key.compare(0, key.size(), key) == 0 &&
+                                (fault.key.size() == key.size() || fault.key[key.size()] == '.' ||
+                                 fault.key[key.size()] == '[');
+                       });
   }
 
   // The node under `key`, or nothing (reported when required).
@@ -86,14 +108,19 @@ struct ConfigMap::Impl {
       const YAML::Node child = const_cast<const YAML::Node&>(node)[key];
       if (child.IsDefined()) return child;
     }
-    if (required) report(node, key_path(key), "is missing");
+    if (required) report(line, key_path(key), "is missing");
     return std::nullopt;
   }
 
-  std::shared_ptr<Impl> child(const YAML::Node& at, const std::string& child_prefix) const {
+  // A mapping that is read twice is one mapping: its keys count as read by either.
+  std::shared_ptr<Impl> child(const YAML::Node& at, int at_line, const std::string& child_prefix) const {
+    for (const auto& known : file.lock()->maps) {
+      if (known->prefix == child_prefix) return known;
+    }
     auto made = std::make_shared<Impl>();
     made->file = file;
     made->node = at;
+    made->line = at_line;
     made->prefix = child_prefix;
     file.lock()->maps.push_back(made);
     return made;
@@ -119,7 +146,8 @@ ConfigFile::ConfigFile(const std::string& path) : impl_(std::make_shared<Impl>()
   } catch (const YAML::BadFile&) {
     throw ConfigError({{path, 0, "", "cannot be read"}});
   } catch (const YAML::Exception& error) {
-    throw ConfigError({{path, error.mark.is_null() ? 0 : error.mark.line + 1, "", "is not valid YAML: " + error.msg}});
+    throw ConfigError(
+        {{path, error.mark.is_null() ? 0 : error.mark.line + 1, "", "is not valid YAML: " + error.msg}});
   }
 }
 
@@ -130,7 +158,8 @@ ConfigFile ConfigFile::from_text(const std::string& text, const std::string& nam
   try {
     file.impl_->root = YAML::Load(text);
   } catch (const YAML::Exception& error) {
-    throw ConfigError({{name, error.mark.is_null() ? 0 : error.mark.line + 1, "", "is not valid YAML: " + error.msg}});
+    throw ConfigError(
+        {{name, error.mark.is_null() ? 0 : error.mark.line + 1, "", "is not valid YAML: " + error.msg}});
   }
   return file;
 }
@@ -144,9 +173,11 @@ std::string ConfigFile::resolve(const std::string& path) const {
 }
 
 ConfigMap ConfigFile::root() const {
+  if (!impl_->maps.empty()) return ConfigMap(impl_->maps.front());
   auto map = std::make_shared<ConfigMap::Impl>();
   map->file = impl_;
   map->node = impl_->root;
+  map->line = ConfigMap::Impl::line_of(impl_->root);
   impl_->maps.push_back(map);
   if (!impl_->root.IsMap()) impl_->faults.push_back({impl_->path, 0, "", "must be a YAML mapping"});
   return ConfigMap(map);
@@ -161,7 +192,8 @@ void ConfigFile::check() const {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "(key that is not a text)";
       const int line = ConfigMap::Impl::line_of(entry.first);
       if (!seen.insert(key).second) faults.push_back({impl_->path, line, map->key_path(key), "stands twice"});
-      if (map->used.count(key) == 0) faults.push_back({impl_->path, line, map->key_path(key), "is not a known key"});
+      if (map->used.count(key) == 0)
+        faults.push_back({impl_->path, line, map->key_path(key), "is not a known key"});
     }
   }
   if (faults.empty()) return;
@@ -243,11 +275,9 @@ std::string ConfigMap::text(const std::string& key, const std::string& fallback)
 std::string ConfigMap::choice(const std::string& key, const std::vector<std::string>& allowed) const {
   const std::string value = text(key);
   if (std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return value;
-  if (!value.empty()) {
-    std::string rule = "must be one of";
-    for (const std::string& word : allowed) rule += (word == allowed.front() ? " " : ", ") + word;
-    fault(key, rule + "; is " + value);
-  }
+  std::string rule = "must be one of";
+  for (const std::string& word : allowed) rule += (word == allowed.front() ? " " : ", ") + word;
+  fault(key, rule + "; is " + value);
   return allowed.front();
 }
 
@@ -314,7 +344,8 @@ std::vector<std::vector<double>> ConfigMap::rows(const std::string& key, Bounds 
           impl_->checked_number(row[i], row_key + "[" + std::to_string(i) + "]", bounds).value_or(0.0));
     }
     if (rows.back().size() != rows.front().size()) {
-      impl_->report(row, row_key, "must be as long as the first row (" + std::to_string(rows.front().size()) + ")");
+      impl_->report(row, row_key,
+                    "must be as long as the first row (" + std::to_string(rows.front().size()) + ")");
     }
   }
   for (auto& row : rows) row.resize(rows.front().size(), 0.0);
@@ -333,10 +364,11 @@ Eigen::Vector3d ConfigMap::vector3(const std::string& key, Bounds bounds) const 
 
 ConfigMap ConfigMap::map(const std::string& key) const {
   const auto node = impl_->find(key, true);
-  if (node && !node->IsMap()) impl_->report(*node, impl_->key_path(key), "must be a mapping");
-  // A missing mapping has been reported; its own missing keys would only repeat that.
-  auto child = impl_->child(node && node->IsMap() ? *node : YAML::Node(YAML::NodeType::Map), impl_->key_path(key));
-  return ConfigMap(child);
+  const std::string path = impl_->key_path(key);
+  // Keys looked for inside what is no mapping are reported as well: one round of editing mends them all.
+  if (!node) return ConfigMap(impl_->child(YAML::Node(), impl_->line, path));
+  if (!node->IsMap()) impl_->report(*node, path, "must be a mapping");
+  return ConfigMap(impl_->child(*node, Impl::line_of(*node), path));
 }
 
 std::optional<ConfigMap> ConfigMap::optional_map(const std::string& key) const {
@@ -356,7 +388,7 @@ std::vector<ConfigMap> ConfigMap::maps(const std::string& key, bool required) co
   for (std::size_t i = 0; i < node->size(); ++i) {
     const std::string item = impl_->key_path(key) + "[" + std::to_string(i) + "]";
     if ((*node)[i].IsMap()) {
-      maps.emplace_back(impl_->child((*node)[i], item));
+      maps.emplace_back(impl_->child((*node)[i], Impl::line_of((*node)[i]), item));
     } else {
       impl_->report((*node)[i], item, "must be a mapping");
     }
@@ -364,11 +396,16 @@ std::vector<ConfigMap> ConfigMap::maps(const std::string& key, bool required) co
   return maps;
 }
 
-void ConfigMap::fault(const std::string& rule) const { impl_->report(impl_->node, impl_->prefix, rule); }
+void ConfigMap::skip(const std::string& key) const { impl_->used.insert(key); }
+
+bool ConfigMap::faulty(const std::string& key) const { return impl_->faulty(impl_->key_path(key)); }
+
+void ConfigMap::fault(const std::string& rule) const { impl_->report(impl_->line, impl_->prefix, rule); }
 
 void ConfigMap::fault(const std::string& key, const std::string& rule) const {
-  const YAML::Node at = has(key) ? const_cast<const YAML::Node&>(impl_->node)[key] : impl_->node;
-  impl_->report(at, impl_->key_path(key), rule);
+  if (faulty(key)) return;
+  const int line = has(key) ? Impl::line_of(const_cast<const YAML::Node&>(impl_->node)[key]) : impl_->line;
+  impl_->report(line, impl_->key_path(key), rule);
 }
 
 }  // namespace atmos

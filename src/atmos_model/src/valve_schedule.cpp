@@ -8,7 +8,7 @@ namespace atmos {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kJoinTolerance = 1e-3;  // s, design "Timing"
+constexpr double kJoinTolerance = 1e-3;  // s (docs/conventions.md)
 constexpr double kSameInstant = 1e-9;    // s, below the resolution of a stamp
 
 bool well_formed(const ThrusterCommand& command, std::size_t valves, Actuation actuation) {
@@ -46,8 +46,9 @@ ValveSchedule::Taken ValveSchedule::add(const ThrusterCommand& command, double n
     const double level = actuation_ == Actuation::kOnOff ? 1.0 : duty;
     const double close = actuation_ == Actuation::kOnOff ? start + duty * command.period_s : end;
     if (duty == 0.0 || close <= from) continue;
-    const bool goes_on = !intervals.empty() && intervals.back().level == level &&
-                         (from - intervals.back().close_s < kSameInstant || (joins_previous && was_open_to_the_end));
+    const bool goes_on =
+        !intervals.empty() && intervals.back().level == level &&
+        (from - intervals.back().close_s < kSameInstant || (joins_previous && was_open_to_the_end));
     if (goes_on) {
       intervals.back().close_s = close;
     } else {
@@ -60,8 +61,10 @@ ValveSchedule::Taken ValveSchedule::add(const ThrusterCommand& command, double n
   return late ? Taken::kLate : Taken::kInTime;
 }
 
-ValveSchedule::Interval ValveSchedule::delayed(const Interval& commanded) const {
-  return {commanded.open_s + timing_.open_delay_s, commanded.close_s + timing_.close_delay_s, commanded.level};
+std::vector<ValveSchedule::Interval>::const_iterator ValveSchedule::first_opening_after(
+    const std::vector<Interval>& intervals, double t) const {
+  return std::upper_bound(intervals.begin(), intervals.end(), t,
+                          [this](double time, const Interval& interval) { return time < opening(interval); });
 }
 
 void ValveSchedule::openings(double t, double* out) const {
@@ -69,13 +72,9 @@ void ValveSchedule::openings(double t, double* out) const {
     out[i] = 0.0;
     if (t >= timing_.dead_since_s[i]) continue;
     const auto& intervals = commanded_[i];
-    // The last interval that has opened by t decides, and the one before it when the closing delay makes them overlap.
-    auto next = std::upper_bound(intervals.begin(), intervals.end(), t - timing_.open_delay_s,
-                                 [](double time, const Interval& interval) { return time < interval.open_s; });
-    for (int back = 0; back < 2 && next != intervals.begin() && out[i] == 0.0; ++back) {
-      const Interval interval = delayed(*--next);
-      if (t >= interval.open_s && t < interval.close_s) out[i] = interval.level;
-    }
+    // Intervals close in the order in which they open, so that the last one opened by t decides.
+    const auto next = first_opening_after(intervals, t);
+    if (next != intervals.begin() && t < closing(*(next - 1))) out[i] = (next - 1)->level;
   }
 }
 
@@ -90,15 +89,12 @@ double ValveSchedule::next_edge(double t) const {
   for (std::size_t i = 0; i < commanded_.size(); ++i) {
     if (timing_.dead_since_s[i] > t) edge = std::min(edge, timing_.dead_since_s[i]);
     const auto& intervals = commanded_[i];
-    auto opens = std::upper_bound(intervals.begin(), intervals.end(), t - timing_.open_delay_s,
-                                        [](double time, const Interval& interval) { return time < interval.open_s; });
-    // Rounding can leave an edge at t itself: it is not after t.
-    while (opens != intervals.end() && delayed(*opens).open_s <= t) ++opens;
-    if (opens != intervals.end()) edge = std::min(edge, delayed(*opens).open_s);
-    auto closes = std::upper_bound(intervals.begin(), intervals.end(), t - timing_.close_delay_s,
-                                         [](double time, const Interval& interval) { return time < interval.close_s; });
-    while (closes != intervals.end() && delayed(*closes).close_s <= t) ++closes;
-    if (closes != intervals.end()) edge = std::min(edge, delayed(*closes).close_s);
+    const auto opens = first_opening_after(intervals, t);
+    if (opens != intervals.end()) edge = std::min(edge, opening(*opens));
+    const auto closes =
+        std::upper_bound(intervals.begin(), intervals.end(), t,
+                         [this](double time, const Interval& interval) { return time < closing(interval); });
+    if (closes != intervals.end()) edge = std::min(edge, closing(*closes));
   }
   return edge;
 }
@@ -106,12 +102,11 @@ double ValveSchedule::next_edge(double t) const {
 void ValveSchedule::forget_before(double t) {
   for (auto& intervals : commanded_) {
     const auto keep = std::find_if(intervals.begin(), intervals.end(), [&](const Interval& interval) {
-      return std::max(interval.close_s + timing_.close_delay_s, interval.open_s + timing_.open_delay_s) >= t;
+      return std::max(closing(interval), opening(interval)) >= t;
     });
-    // Intervals still needed to join the next command stay: the newest one always does.
-    if (keep != intervals.begin() && !intervals.empty()) {
+    // The newest one may still be joined by the next command.
+    if (keep != intervals.begin())
       intervals.erase(intervals.begin(), keep == intervals.end() ? keep - 1 : keep);
-    }
   }
 }
 

@@ -47,8 +47,10 @@ Vehicle read_vehicle(const ConfigMap& root) {
   if (vehicle.pwm.min_on_time_s > vehicle.pwm.period_s)
     pwm.fault("min_on_time_s", "must not be longer than period_s");
 
-  for (const ConfigMap& thruster : map.maps("thrusters")) vehicle.thrusters.push_back(read_thruster(thruster));
-  if (map.has("thrusters") && vehicle.thrusters.empty()) map.fault("thrusters", "must name at least one thruster");
+  for (const ConfigMap& thruster : map.maps("thrusters"))
+    vehicle.thrusters.push_back(read_thruster(thruster));
+  if (map.has("thrusters") && vehicle.thrusters.empty())
+    map.fault("thrusters", "must name at least one thruster");
 
   vehicle.bearings_m = default_bearings();
   if (map.has("bearings_m")) {

@@ -8,21 +8,24 @@
 
 namespace atmos {
 
-// Force [N] and torque [N m] about the geometric centre, body axes, per unit of full thrust of each thruster:
-// force_B = D * thrust, torque_B = L * thrust with thrust in N.
+// Directions and levers about the geometric centre, body axes: force_B = D * thrust [N] and torque_B = L *
+// thrust [N m] for thrusts in N; D has no unit, L is in m.
 struct AllocationMatrices {
   Eigen::Matrix<double, 3, Eigen::Dynamic> D;
   Eigen::Matrix<double, 3, Eigen::Dynamic> L;
 };
-// One column per thruster, in vehicle-file order.
+// One column per thruster, in vehicle-file order. Throws std::invalid_argument naming a thruster whose
+// direction is not a unit vector.
 AllocationMatrices thruster_matrices(const Vehicle& vehicle);
 
-// Two thrusters on one line that push in opposite directions: the paper's u_j > 0 fires `positive`, u_j < 0 `negative`.
+// Two thrusters on one line that push in opposite directions: the paper's u_j > 0 fires `positive`, u_j < 0
+// `negative`.
 struct ThrusterPair {
   int positive;  // index into Vehicle::thrusters
   int negative;
 };
-// Pairs in the order of their first thruster. Throws std::invalid_argument naming a thruster that has no partner.
+// Pairs in the order of their first thruster. Throws std::invalid_argument naming a thruster that has no
+// partner.
 std::vector<ThrusterPair> thruster_pairs(const Vehicle& vehicle);
 // One column per pair, that of its positive thruster.
 AllocationMatrices pair_matrices(const Vehicle& vehicle, const std::vector<ThrusterPair>& pairs);

@@ -1,7 +1,7 @@
-// What a physical effect is: parameters with units and bounds, an equation in words, and the hooks through which it
-// changes forces, hidden states, command timing or the measurement. One effect is one file in effects/, registered once in
-// effects.h; docs/effects.md has every equation. Hooks are templated on the scalar so that simulator, predictor and
-// controller run the very same law.
+// What a physical effect is: parameters with units and bounds, an equation in words, and the hooks through
+// which it changes forces, hidden states, command timing or the measurement. One effect is one file in
+// effects/, registered once in effects.h; docs/effects.md has every equation. Hooks are templated on the
+// scalar so that simulator, predictor and controller run the very same law.
 #pragma once
 
 #include <string>
@@ -22,15 +22,15 @@ struct PlanarThruster {
 
 struct PlantProperties {
   double mass_kg;
-  double inertia_kg_m2;                      // yaw, about the centre of mass
-  Eigen::Vector2d com_B{0.0, 0.0};           // c: centre of mass from the geometric centre, m
-  Eigen::Vector2d marker_B{0.0, 0.0};        // the point the mocap shows, from the geometric centre, m
+  double inertia_kg_m2;                // yaw, about the centre of mass
+  Eigen::Vector2d com_B{0.0, 0.0};     // c: centre of mass from the geometric centre, m
+  Eigen::Vector2d marker_B{0.0, 0.0};  // the point the mocap shows, from the geometric centre, m
   double mocap_yaw_offset_rad = 0.0;
   double mocap_latency_s = 0.0;
-  double stamp_skew = 0.0;                   // clock_skew ratio
-  double gas_kg_per_open_second = 0.0035;    // consumption of an open thruster (docs/effects.md, "gas")
+  double stamp_skew = 0.0;                 // clock_skew ratio
+  double gas_kg_per_open_second = 0.0035;  // consumption of an open thruster (docs/effects.md, "gas")
   std::vector<PlanarThruster> thrusters;
-  std::vector<Eigen::Vector2d> bearings_m;   // from the geometric centre, body
+  std::vector<Eigen::Vector2d> bearings_m;  // from the geometric centre, body
   ValveTiming timing;
 };
 
@@ -49,23 +49,26 @@ struct Instant {
   double since_start_s;  // t - t0
   const PlantProperties& plant;
   const PlanarState<S>& state;
-  const S* openings;     // one per thruster, in [0, 1] (propellers: [-1, 1])
-  S open_count;          // n
-  S mass;                // M, kg, with what has flowed out
-  S gas_used;            // g, kg
+  const S* openings;  // one per thruster, in [0, 1] (propellers: [-1, 1])
+  S open_count;       // n
+  S mass;             // M, kg, with what has flowed out
+  S gas_used;         // g, kg
 };
 
 // Thrust while it is being worked out: force_i = supply * (own_i + leak_i).
 template <class S>
 struct ThrustStage {
-  S* own;     // N, through the valve
-  S* leak;    // N, past a leaking valve
-  S supply;   // factor of plenum and bottle pressure, the same for every thruster
+  S* own;    // N, through the valve
+  S* leak;   // N, past a leaking valve
+  S supply;  // factor of plenum and bottle pressure, the same for every thruster
 };
 
 // The hooks with nothing in them. An effect hides those it needs with its own.
 struct EffectHooks {
-  // Changes constants (factors of force, mass, inertia; offsets; delays). Called once per effect, in table order.
+  // Whether a list may hold it several times: so for effects of one thruster or one place.
+  static constexpr bool kRepeatable = false;
+  // Changes constants (factors of force, mass, inertia; offsets; delays). Called once per effect, in table
+  // order.
   void alter(PlantProperties&) const {}
   // Number of hidden states this effect integrates, and their values at the start of a recording.
   int hidden_size(const PlantProperties&) const { return 0; }
@@ -80,10 +83,11 @@ struct EffectHooks {
   // Adds external forces.
   template <class S>
   void force(const Instant<S>&, const S* /*hidden*/, PlanarWrench<S>&) const {}
-  // Time derivatives of the hidden states, given the body's acceleration. `commanded`: openings before thrust_rise.
+  // Time derivatives of the hidden states, given the body's acceleration. `commanded`: openings before
+  // thrust_rise.
   template <class S>
-  void hidden_rate(const Instant<S>&, const S* /*commanded*/, const PlanarAcceleration<S>&, const S* /*hidden*/,
-                   S* /*rate*/) const {}
+  void hidden_rate(const Instant<S>&, const S* /*commanded*/, const PlanarAcceleration<S>&,
+                   const S* /*hidden*/, S* /*rate*/) const {}
   // Instants at which this effect's force jumps (start and end of a pulse), so that integrators stop there.
   void edges(std::vector<double>& /*times*/) const {}
 };

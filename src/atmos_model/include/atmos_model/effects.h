@@ -1,4 +1,5 @@
-// The registry of effects: the one place that lists them, in the order in which they compose (docs/effects.md).
+// The registry of effects: the one place that lists them, in the order in which they compose
+// (docs/effects.md).
 #pragma once
 
 #include <string>
@@ -25,8 +26,8 @@ const std::vector<EffectInfo>& registered_effects();
 // "supply_coupling".
 std::string kind_of(const Effect& effect);
 
-// Reads `effects:` of an open scenario or model file (absent: none); faults are recorded in the file. The result is in
-// table order. A kind may stand more than once only where it names a thruster or a place.
+// Reads `effects:` of an open scenario or model file (absent: none); faults are recorded in the file. The
+// result is in table order. Only a repeatable kind may stand more than once.
 std::vector<Effect> read_effects(const ConfigMap& root);
 // Reads a model.yaml. Throws ConfigError with every fault.
 std::vector<Effect> load_model(const std::string& path);

@@ -33,7 +33,7 @@ Vec2<S> point_velocity(const Vec2<S>& v_W, const S& yaw_rate, const Vec2<S>& r_W
   return v_W + yaw_rate * Vec2<S>(-r_W.y(), r_W.x());
 }
 
-// Angle wrapped to (-pi, pi].
+// Angle wrapped to [-pi, pi].
 inline double wrap_angle(double angle) { return std::remainder(angle, 2.0 * M_PI); }
 
 template <class S>
@@ -70,19 +70,25 @@ struct PlanarAcceleration {
   S yaw_acceleration = S(0);       // rad/s^2
 };
 
+// Motion of another point of the body: that at r_B (body axes) from the point whose motion `state` is.
+template <class S>
+PlanarState<S> moved_by(const PlanarState<S>& state, const Eigen::Vector2d& r_B) {
+  const Vec2<S> r_W = rotation_WB(state.yaw) * r_B.cast<S>();
+  PlanarState<S> moved = state;
+  moved.p_WC += r_W;
+  moved.v_WC = point_velocity(state.v_WC, state.yaw_rate, r_W);
+  return moved;
+}
+
 // Centre of mass from the geometric centre and back; com_B is C from O in the body.
 template <class S>
 PlanarState<S> center_of_mass_state(const PlanarState<S>& at_O, const Eigen::Vector2d& com_B) {
-  const Vec2<S> r_W = rotation_WB(at_O.yaw) * com_B.cast<S>();
-  PlanarState<S> at_C = at_O;
-  at_C.p_WC += r_W;
-  at_C.v_WC = point_velocity(at_O.v_WC, at_O.yaw_rate, r_W);
-  return at_C;
+  return moved_by<S>(at_O, com_B);
 }
 
 template <class S>
 PlanarState<S> geometric_center_state(const PlanarState<S>& at_C, const Eigen::Vector2d& com_B) {
-  return center_of_mass_state<S>(at_C, -com_B);
+  return moved_by<S>(at_C, -com_B);
 }
 
 }  // namespace atmos

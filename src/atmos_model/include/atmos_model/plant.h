@@ -1,7 +1,9 @@
-// The plant: a vehicle with effects. The force law that the simulator, the predictor and the controller share.
+// The plant: a vehicle with effects. The force law that the simulator, the predictor and the controller
+// share.
 #pragma once
 
 #include <Eigen/Core>
+#include <variant>
 #include <vector>
 
 #include "atmos_model/effects.h"
@@ -32,18 +34,22 @@ class Plant {
   int hidden_size() const { return hidden_size_; }
   VecX<double> initial_hidden() const;
 
-  // Forces and torque about the centre of mass at ROS time t [N, N m], openings as commanded (one per thruster).
+  // Forces and torque about the centre of mass at ROS time t [N, N m], openings as commanded (one per
+  // thruster).
   template <class S>
-  PlanarWrench<S> wrench(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+  PlanarWrench<S> wrench(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                         const VecX<S>& openings) const {
     Scratch<S> scratch(thruster_count());
     return evaluate(t, state, hidden, openings, scratch).wrench;
   }
   // Accelerations of the centre of mass and rates of the hidden states.
   template <class S>
-  PlantRate<S> rate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const;
+  PlantRate<S> rate(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                    const VecX<S>& openings) const;
   // Thrust along each thruster's direction [N], leaks included.
   template <class S>
-  VecX<S> thrust(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+  VecX<S> thrust(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                 const VecX<S>& openings) const {
     Scratch<S> scratch(thruster_count());
     evaluate(t, state, hidden, openings, scratch);
     return scratch.own;
@@ -55,10 +61,11 @@ class Plant {
     return evaluate<S>(t, state, hidden, VecX<S>::Zero(thruster_count()), scratch).mass;
   }
 
-  // What the mocap shows of a centre-of-mass state: the measured point, its velocity, yaw. Latency is not applied here.
+  // What the mocap shows of a centre-of-mass state: the measured point, its velocity, yaw. Latency is not
+  // applied here.
   template <class S>
   PlanarState<S> measured(const PlanarState<S>& state) const {
-    PlanarState<S> shown = center_of_mass_state<S>(state, properties_.marker_B - properties_.com_B);
+    PlanarState<S> shown = moved_by<S>(state, properties_.marker_B - properties_.com_B);
     shown.yaw += properties_.mocap_yaw_offset_rad;
     return shown;
   }
@@ -66,7 +73,7 @@ class Plant {
   template <class S>
   PlanarState<S> from_measured(PlanarState<S> shown) const {
     shown.yaw -= properties_.mocap_yaw_offset_rad;
-    return center_of_mass_state<S>(shown, properties_.com_B - properties_.marker_B);
+    return moved_by<S>(shown, properties_.com_B - properties_.marker_B);
   }
 
   // ROS times at which forces jump for reasons other than valves, ascending.
@@ -85,8 +92,8 @@ class Plant {
     S open_count;
   };
   template <class S>
-  Evaluation<S> evaluate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings,
-                         Scratch<S>& scratch) const;
+  Evaluation<S> evaluate(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                         const VecX<S>& openings, Scratch<S>& scratch) const;
 
   // Calls visit(effect, pointer to its hidden states) for every effect in order.
   template <class T, class Visit>
@@ -119,7 +126,7 @@ Plant::Evaluation<S> Plant::evaluate(double t, const PlanarState<S>& state, cons
   using std::abs;
   S open_count(0);
   for (int i = 0; i < n; ++i) open_count += abs(scratch.openings[i]);
-  Instant<S> now{t,          t - start_s_, properties_,           state, scratch.openings.data(),
+  Instant<S> now{t,          t - start_s_,           properties_, state, scratch.openings.data(),
                  open_count, S(properties_.mass_kg), hidden[0]};
   S mass = now.mass;
   for_each(hidden.data(), [&](const auto& e, const S*) { e.mass(now, mass); });
@@ -144,7 +151,8 @@ Plant::Evaluation<S> Plant::evaluate(double t, const PlanarState<S>& state, cons
 }
 
 template <class S>
-PlantRate<S> Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& hidden, const VecX<S>& openings) const {
+PlantRate<S> Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& hidden,
+                         const VecX<S>& openings) const {
   Scratch<S> scratch(thruster_count());
   const Evaluation<S> now = evaluate(t, state, hidden, openings, scratch);
   PlantRate<S> rate{{}, VecX<S>::Zero(hidden_size_)};
@@ -152,8 +160,8 @@ PlantRate<S> Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& h
   rate.body.yaw_acceleration = now.wrench.torque / S(properties_.inertia_kg_m2);
 
   rate.hidden[0] = properties_.gas_kg_per_open_second * now.open_count;
-  const Instant<S> instant{t,     t - start_s_, properties_, state, scratch.openings.data(), now.open_count,
-                           now.mass, hidden[0]};
+  const Instant<S> instant{
+      t, t - start_s_, properties_, state, scratch.openings.data(), now.open_count, now.mass, hidden[0]};
   const S* first = hidden.data();
   for_each(hidden.data(), [&](const auto& e, const S* own) {
     e.hidden_rate(instant, openings.data(), rate.body, own, rate.hidden.data() + (own - first));

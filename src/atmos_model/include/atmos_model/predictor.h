@@ -13,8 +13,8 @@ struct PlantState {
   VecX<double> hidden;
 };
 
-// Advances `state` to ROS time `until_s` with classical Runge-Kutta steps of at most `max_step_s`, stopping at every
-// valve edge and every jump of an effect.
+// Advances `state` to ROS time `until_s` with classical Runge-Kutta steps of at most `max_step_s`, stopping
+// at every valve edge and every jump of an effect.
 void advance(const Plant& plant, const ValveSchedule& valves, double until_s, PlantState& state,
              double max_step_s = 5e-3);
 

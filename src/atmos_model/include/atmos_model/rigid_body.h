@@ -1,13 +1,13 @@
-// Rigid body in space, templated on the scalar (paper, ctl:da and ctl:wrench). Hamilton quaternions, body to world;
-// Euler's equation is I w' = tau - w x I w (the paper prints another sign).
+// Rigid body in space, templated on the scalar (paper, ctl:da and ctl:wrench). Hamilton quaternions, body to
+// world; Euler's equation is I w' = tau - w x I w (the paper prints another sign).
 #pragma once
 
 #include <Eigen/Core>
 
 namespace atmos {
 
-// Indices into the 13-state: position p_WC [m], velocity v_WC [m/s, world axes], attitude q_WB (w, x, y, z), angular
-// velocity w_WB_B [rad/s, body axes].
+// Indices into the 13-state: position p_WC [m], velocity v_WC [m/s, world axes], attitude q_WB (w, x, y, z),
+// angular velocity w_WB_B [rad/s, body axes].
 namespace state13 {
 enum Index { kPosition = 0, kVelocity = 3, kQuaternion = 6, kAngularVelocity = 10, kSize = 13 };
 }
@@ -24,9 +24,12 @@ template <class S>
 Vec3<S> rotate(const Quaternion4<S>& q, const Vec3<S>& v_B) {
   const S w = q[0], x = q[1], y = q[2], z = q[3];
   Vec3<S> v_W;
-  v_W[0] = (S(1) - S(2) * (y * y + z * z)) * v_B[0] + S(2) * (x * y - w * z) * v_B[1] + S(2) * (x * z + w * y) * v_B[2];
-  v_W[1] = S(2) * (x * y + w * z) * v_B[0] + (S(1) - S(2) * (x * x + z * z)) * v_B[1] + S(2) * (y * z - w * x) * v_B[2];
-  v_W[2] = S(2) * (x * z - w * y) * v_B[0] + S(2) * (y * z + w * x) * v_B[1] + (S(1) - S(2) * (x * x + y * y)) * v_B[2];
+  v_W[0] = (S(1) - S(2) * (y * y + z * z)) * v_B[0] + S(2) * (x * y - w * z) * v_B[1] +
+           S(2) * (x * z + w * y) * v_B[2];
+  v_W[1] = S(2) * (x * y + w * z) * v_B[0] + (S(1) - S(2) * (x * x + z * z)) * v_B[1] +
+           S(2) * (y * z - w * x) * v_B[2];
+  v_W[2] = S(2) * (x * z - w * y) * v_B[0] + S(2) * (y * z + w * x) * v_B[1] +
+           (S(1) - S(2) * (x * x + y * y)) * v_B[2];
   return v_W;
 }
 
@@ -41,10 +44,11 @@ Quaternion4<S> quaternion_rate(const Quaternion4<S>& q, const Vec3<S>& w_B) {
   return rate;
 }
 
-// Time derivative under a force [N] and a torque [N m] in body axes at the centre of mass; inertia: principal moments.
+// Time derivative under a force [N] and a torque [N m] in body axes at the centre of mass; inertia: principal
+// moments.
 template <class S>
-State13<S> rigid_body_rate(const State13<S>& x, const Vec3<S>& force_B, const Vec3<S>& torque_B, const S& mass,
-                           const Eigen::Vector3d& inertia) {
+State13<S> rigid_body_rate(const State13<S>& x, const Vec3<S>& force_B, const Vec3<S>& torque_B,
+                           const S& mass, const Eigen::Vector3d& inertia) {
   using namespace state13;
   const Quaternion4<S> q = x.template segment<4>(kQuaternion);
   const Vec3<S> w = x.template segment<3>(kAngularVelocity);

@@ -12,35 +12,35 @@
 namespace atmos {
 
 struct SetPoint {
-  double time_s;   // after the start of the flight, ascending, first at 0
+  double time_s;  // after the start of the flight, ascending, first at 0
   double x_m, y_m;
   double yaw_rad;  // written as yaw_deg
 };
 
 // Frames are lost in this stretch of the flight.
 struct Dropout {
-  double start_s;     // after the start of the flight
+  double start_s;  // after the start of the flight
   double duration_s;
 };
 
 struct MocapSettings {
   double rate_hz = 100.0;
-  double noise_m = 0.0;                // standard deviation per axis
+  double noise_m = 0.0;  // standard deviation per axis
   double noise_rad = 0.0;
-  double publish_delay_s = 0.0;        // from exposure (the stamp) to publication; real time only
-  double dropout_probability = 0.0;    // of each frame by itself
+  double publish_delay_s = 0.0;      // from exposure (the stamp) to publication; real time only
+  double dropout_probability = 0.0;  // of each frame by itself
   std::vector<Dropout> dropouts;
 };
 
 struct Scenario {
   std::string name;
-  std::string path;             // the file it was read from
-  std::string vehicle_path;     // absolute or relative to the working directory
+  std::string path;          // the file it was read from
+  std::string vehicle_path;  // absolute or relative to the working directory
   std::string controller_path;
   double duration_s;
   std::uint32_t seed;
-  double step_s;                // simulator step
-  SetPoint start;               // time_s unused
+  double step_s;   // simulator step
+  SetPoint start;  // time_s unused
   std::vector<SetPoint> set_points;
   MocapSettings mocap;
   std::vector<Effect> effects;
@@ -51,8 +51,8 @@ struct Scenario {
 std::vector<SetPoint> read_set_points(const ConfigMap& root,
                                       double latest_s = std::numeric_limits<double>::infinity());
 
-// Reads a scenario and the vehicle it names; the controller file is left to the controller. Throws ConfigError with every
-// fault.
+// Reads a scenario and the vehicle it names; the controller file is left to the controller. Throws
+// ConfigError with every fault.
 Scenario load_scenario(const std::string& path);
 
 }  // namespace atmos

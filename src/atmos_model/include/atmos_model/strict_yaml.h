@@ -1,5 +1,5 @@
-// Strict configuration files: unknown, missing, mistyped and out-of-range keys are all reported at once, each with
-// file, line, key and rule. Every configuration of the workspace is read through this.
+// Strict configuration files: unknown, missing, mistyped and out-of-range keys are all reported at once, each
+// with file, line, key and rule. Every configuration of the workspace is read through this.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +30,8 @@ class ConfigError : public std::runtime_error {
   std::vector<ConfigFault> faults_;
 };
 
-// Closed range of a number; `exclusive_min` leaves the lower end out. Not-a-number and infinity are always refused.
+// Closed range of a number; `exclusive_min` leaves the lower end out. Not-a-number and infinity are always
+// refused.
 struct Bounds {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
@@ -47,8 +48,9 @@ struct Bounds {
 
 class ConfigMap;
 
-// One loaded file. Readers never throw: a broken rule is recorded and a harmless value returned, so that the reading
-// goes on and finds the next one. check() throws ConfigError if anything was recorded or a key was never read.
+// One loaded file. Readers never throw: a broken rule is recorded and a harmless value returned, so that the
+// reading goes on and finds the next one. check() throws ConfigError if anything was recorded or a key was
+// never read.
 class ConfigFile {
  public:
   explicit ConfigFile(const std::string& path);
@@ -68,7 +70,8 @@ class ConfigFile {
   std::shared_ptr<Impl> impl_;
 };
 
-// A mapping inside a ConfigFile. A required reader reports a missing key; one with a fallback does not.
+// A mapping inside a ConfigFile, which must outlive it. A required reader reports a missing key; one with a
+// fallback does not. A quoted number or flag is a text, not a number or flag.
 class ConfigMap {
  public:
   bool has(const std::string& key) const;
@@ -82,9 +85,10 @@ class ConfigMap {
   bool flag(const std::string& key, bool fallback) const;
   std::string text(const std::string& key) const;
   std::string text(const std::string& key, const std::string& fallback) const;
-  // A text that must be one of `allowed`.
+  // A text that must be one of `allowed`, which is not empty.
   std::string choice(const std::string& key, const std::vector<std::string>& allowed) const;
-  std::string choice(const std::string& key, const std::vector<std::string>& allowed, const std::string& fallback) const;
+  std::string choice(const std::string& key, const std::vector<std::string>& allowed,
+                     const std::string& fallback) const;
 
   // A list of numbers, each within `bounds`; `size` < 0 leaves the length free.
   std::vector<double> numbers(const std::string& key, int size = -1, Bounds bounds = {}) const;
@@ -94,14 +98,21 @@ class ConfigMap {
   Eigen::Vector2d vector2(const std::string& key, Bounds bounds = {}) const;
   Eigen::Vector3d vector3(const std::string& key, Bounds bounds = {}) const;
 
-  // A nested mapping; reports and returns an empty one when it is missing or is not a mapping.
+  // A nested mapping. Reported when it is missing or is not a mapping, and so is every required key inside
+  // it.
   ConfigMap map(const std::string& key) const;
   // The same, but absent is fine.
   std::optional<ConfigMap> optional_map(const std::string& key) const;
   // A list of mappings; an absent list is reported only when `required`.
   std::vector<ConfigMap> maps(const std::string& key, bool required = true) const;
 
-  // Records a fault of a rule that spans several keys, at this mapping or at one of its keys.
+  // Takes a key and all below it as read: for a part that belongs to someone else, or that a fault made
+  // unreadable.
+  void skip(const std::string& key) const;
+  // Whether `key`, or something inside it, broke a rule, so that the value read is only a placeholder.
+  bool faulty(const std::string& key) const;
+  // Records a fault of a rule that spans several keys, at this mapping or at one of its keys. A key that is
+  // already faulty gets no further fault: the rule would judge a placeholder.
   void fault(const std::string& rule) const;
   void fault(const std::string& key, const std::string& rule) const;
 

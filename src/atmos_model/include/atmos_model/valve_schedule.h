@@ -1,4 +1,5 @@
-// PWM timing (design, "Timing"): from commands to the exact instants at which valves open and close.
+// PWM timing (docs/architecture.md, "The PWM grid"): from commands to the exact instants at which valves open
+// and close.
 #pragma once
 
 #include <cstdint>
@@ -23,14 +24,15 @@ enum class Actuation { kOnOff, kContinuous };
 // Timing faults of commands and valves; the effects set them (docs/effects.md).
 struct ValveTiming {
   double command_delay_s = 0.0;
-  double open_delay_s = 0.0;  // a joined open interval [a, b) becomes [a + open, b + close); nothing if that is empty
+  double open_delay_s =
+      0.0;  // a joined open interval [a, b) becomes [a + open, b + close); nothing if that is empty
   double close_delay_s = 0.0;
   std::vector<double> dead_since_s;  // one per valve: shut from then on (+inf, or left out: healthy)
 };
 
-// Commands in, openings out. Periods whose gap or overlap is under 1 ms are joined; a newer command replaces the rest
-// of an older one from its own stamp; a late one acts only for the rest of its period; when a period is over and
-// nothing new has come the valves are closed. Works online and for whole recordings.
+// Commands in, openings out. Periods whose gap or overlap is under 1 ms are joined; a newer command replaces
+// the rest of an older one from its own stamp; a late one acts only for the rest of its period; when a period
+// is over and nothing new has come the valves are closed. Works online and for whole recordings.
 class ValveSchedule {
  public:
   // How a command was taken.
@@ -38,13 +40,14 @@ class ValveSchedule {
 
   explicit ValveSchedule(int valve_count, ValveTiming timing = {}, Actuation actuation = Actuation::kOnOff);
 
-  // Takes a command at `now_s`; -inf means it was there in time (recordings). A command whose period is over, or whose
-  // stamp lies before the newest one, is kExpired and ignored. kMalformed and ignored: wrong size, non-finite numbers,
-  // period <= 0, duty outside its range.
+  // Takes a command at `now_s`; -inf means it was there in time (recordings). A command whose period is over,
+  // or whose stamp lies before the newest one, is kExpired and ignored. kMalformed and ignored: wrong size,
+  // non-finite numbers, period <= 0, duty outside its range.
   Taken add(const ThrusterCommand& command, double now_s = -std::numeric_limits<double>::infinity());
 
   int valve_count() const { return static_cast<int>(commanded_.size()); }
-  // Opening of every valve at `t`, right-continuous: 1 open, 0 closed; for propellers the signed share of full thrust.
+  // Opening of every valve at `t`, right-continuous: 1 open, 0 closed; for propellers the signed share of
+  // full thrust.
   void openings(double t, double* out) const;
   std::vector<double> openings(double t) const;
   // The first instant after `t` at which an opening may change, as far as known; +inf if none.
@@ -62,8 +65,12 @@ class ValveSchedule {
     double close_s;
     double level;
   };
-  // Valve delays move every edge by a constant, so that intervals are stored as commanded and moved when asked for.
-  Interval delayed(const Interval& commanded) const;
+  // Valve delays move every edge by a constant, so that intervals are stored as commanded and moved when
+  // asked for.
+  double opening(const Interval& commanded) const { return commanded.open_s + timing_.open_delay_s; }
+  double closing(const Interval& commanded) const { return commanded.close_s + timing_.close_delay_s; }
+  std::vector<Interval>::const_iterator first_opening_after(const std::vector<Interval>& intervals,
+                                                            double t) const;
 
   ValveTiming timing_;
   Actuation actuation_;

@@ -1,4 +1,5 @@
-// The vehicle file: the one source of geometry, masses and limits (format: docs/conventions.md, design "Vehicle file").
+// The vehicle file: the one source of geometry, masses and limits (format: config/vehicle/atmos.yaml, and the
+// fields below).
 #pragma once
 
 #include <Eigen/Core>
@@ -24,12 +25,12 @@ struct Pwm {
 
 struct Vehicle {
   std::string name;
-  double mass_kg;                        // > 0
-  Eigen::Vector3d inertia_kg_m2;         // principal moments about the centre of mass, body axes, > 0
+  double mass_kg;                 // > 0
+  Eigen::Vector3d inertia_kg_m2;  // principal moments about the centre of mass, body axes, > 0
   Pwm pwm;
-  std::vector<Thruster> thrusters;       // in command order; thruster k of a message is thrusters[k - 1]
+  std::vector<Thruster> thrusters;          // in command order; thruster k of a message is thrusters[k - 1]
   std::vector<Eigen::Vector2d> bearings_m;  // air bearings from the geometric centre, body FLU
-  double radius_m;                       // of the upright cylinder that touches walls and other robots
+  double radius_m;                          // of the upright cylinder that touches walls and other robots
   double height_m;
 };
 

@@ -46,7 +46,8 @@ inline geometry_msgs::Pose planar_pose(double x, double y, double yaw) {
   return pose;
 }
 
-// 13-state of the geometric centre out of odometry whose twist is in the body frame. Not checked for finiteness.
+// 13-state of the geometric centre out of odometry whose twist is in the body frame. Not checked for
+// finiteness.
 inline State13<double> state13_from(const nav_msgs::Odometry& odometry) {
   using namespace state13;
   const auto& pose = odometry.pose.pose;

@@ -4,13 +4,16 @@
 #include <ros/ros.h>
 
 #include <cstdio>
+#include <stdexcept>
 #include <string>
 
 #include "atmos_model/strict_yaml.h"
 
 namespace atmos {
 
-// Runs `body` as the node `name`. Bad configuration: one line per fault on stderr, exit code 2, nothing started.
+// Runs `body` as the node `name`. Bad configuration: one line per fault on stderr, exit code 2, nothing
+// started. So too for what no file shows by itself (std::invalid_argument: thrusters that cannot control the
+// robot).
 template <class Body>
 int run_node(int argc, char** argv, const std::string& name, const Body& body) {
   try {
@@ -18,8 +21,10 @@ int run_node(int argc, char** argv, const std::string& name, const Body& body) {
     return body();
   } catch (const ConfigError& error) {
     std::fprintf(stderr, "%s\n", error.what());
-    return 2;
+  } catch (const std::invalid_argument& error) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
   }
+  return 2;
 }
 
 // A private parameter that the launch file must set; ConfigError when it is missing.
