@@ -14,12 +14,14 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_sim/mocap_sensor.h"
 #include "atmos_sim/simulation.h"
 #include "connections.h"
+#include "options.h"
 
 namespace atmos {
 namespace {
@@ -30,42 +32,6 @@ constexpr double kClockRate = 250.0;     // Hz of ROS time in real time, besides
 constexpr double kProgressPeriod = 5.0;  // s of ROS time
 constexpr double kSameInstant = 1e-6;    // s: above the rounding of a stamp, far below a frame
 constexpr int kQueue = 10000;            // messages: nothing may be lost at many times real time
-
-struct Options {
-  Scenario scenario;
-  bool lockstep;
-  double speed;
-  double answer_limit_s;  // wall clock
-  std::vector<Connection> wait_for;
-  std::string summary;
-};
-
-Options read_options(const ros::NodeHandle& node) {
-  Options options;
-  options.scenario = load_scenario(required_parameter<std::string>(node, "scenario"));
-  const std::string clock = node.param<std::string>("clock", "lockstep");
-  options.lockstep = clock == "lockstep";
-  options.speed = node.param("speed", 1.0);
-  options.answer_limit_s = node.param("answer_limit_s", 20.0);
-  options.summary = node.param<std::string>("summary", "");
-
-  std::vector<ConfigFault> faults;
-  const auto fault = [&](const char* key, const char* rule) {
-    faults.push_back({node.getNamespace(), 0, key, rule});
-  };
-  if (clock != "lockstep" && clock != "real") fault("clock", "must be one of lockstep, real");
-  if (!(options.speed > 0.0) || std::isinf(options.speed)) fault("speed", "must be > 0");
-  if (!(options.answer_limit_s > 0.0)) fault("answer_limit_s", "must be > 0");
-  const double frames_per_period = options.scenario.mocap.rate_hz * options.scenario.vehicle.pwm.period_s;
-  if (options.lockstep && std::abs(frames_per_period - std::round(frames_per_period)) > 1e-6) {
-    faults.push_back(
-        {options.scenario.path, 0, "mocap.rate_hz",
-         "must give a whole number of frames per PWM period in lockstep: the answer is waited for there"});
-  }
-  if (!faults.empty()) throw ConfigError(faults);
-  options.wait_for = parse_connections(node.param<std::string>("wait_for", ""));
-  return options;
-}
 
 // Whole multiples of a period in ROS time.
 class Beat {
@@ -290,6 +256,13 @@ class SimNode {
 }  // namespace atmos
 
 int main(int argc, char** argv) {
-  return atmos::run_node(argc, argv, "sim",
-                         [] { return atmos::SimNode(atmos::read_options(ros::NodeHandle("~"))).fly(); });
+  return atmos::run_node(argc, argv, "sim", [] {
+    const atmos::Options options = atmos::read_options(ros::NodeHandle("~"));
+    try {
+      return atmos::SimNode(options).fly();
+    } catch (const std::runtime_error& error) {
+      std::fprintf(stderr, "sim: %s\n", error.what());
+      return 1;
+    }
+  });
 }

@@ -73,6 +73,9 @@ TEST(Lockstep, BadParametersAndScenariosEndWithCodeTwo) {
   EXPECT_EQ(clock.exit_code, 2) << clock.output;
   EXPECT_NE(clock.output.find("clock"), std::string::npos);
   EXPECT_NE(clock.output.find("speed"), std::string::npos);
+  const Ended type = run_simulator("_speed:=fast");
+  EXPECT_EQ(type.exit_code, 2) << type.output;
+  EXPECT_NE(type.output.find("speed: is of the wrong type"), std::string::npos) << type.output;
   const Ended wait = run_simulator("_wait_for:=nonsense");
   EXPECT_EQ(wait.exit_code, 2) << wait.output;
   const Ended scenario = run_simulator("", "-3.0");
