@@ -110,4 +110,10 @@ void ValveSchedule::forget_before(double t) {
   }
 }
 
+std::size_t ValveSchedule::stored_intervals() const {
+  std::size_t count = 0;
+  for (const auto& intervals : commanded_) count += intervals.size();
+  return count;
+}
+
 }  // namespace atmos

@@ -2,9 +2,8 @@
 // and close.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <limits>
-#include <string>
 #include <vector>
 
 namespace atmos {
@@ -54,6 +53,8 @@ class ValveSchedule {
   double next_edge(double t) const;
   // Drops what ended before `t`, so that a long run needs bounded memory.
   void forget_before(double t);
+  // Open intervals held, over all valves: what forget_before() bounds.
+  std::size_t stored_intervals() const;
   // Stamp of the first command taken: t0 of the effects; NaN before.
   double first_stamp() const { return first_stamp_; }
   // End of the newest period, after command_delay_s; -inf before any command.
