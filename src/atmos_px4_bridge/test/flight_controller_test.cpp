@@ -137,6 +137,14 @@ TEST_F(RealTime, MalformedCommandsAreCountedAndThePeriodCloses) {
   EXPECT_TRUE(recovered->status.flying);
 }
 
+TEST_F(RealTime, AMalformedCommandIsTheReasonOfOnePeriodOnly) {
+  ThrusterCommand bad = command(kStart);
+  bad.duty.clear();
+  core.take_command(bad, kStart);
+  EXPECT_EQ(core.tick(kStart + 0.03)->status.reason, "malformed command: 0 duties for 8 thrusters");
+  EXPECT_EQ(core.tick(kStart + 0.13)->status.reason, "no command for this period");
+}
+
 TEST_F(RealTime, StampMayLieOneMillisecondOffTheGrid) {
   const auto order = core.take_command(command(kStart + 0.0009), kStart - 0.02);
   ASSERT_TRUE(order);
@@ -260,6 +268,8 @@ TEST_F(Lockstep, MalformedCommandIsAnsweredWithClosedValves) {
   EXPECT_TRUE(all_closed(*nearest));
   EXPECT_NEAR(nearest->command.stamp_s, kStart + 0.1, 1e-9);
   EXPECT_TRUE(core.take_command(command(kStart + 0.2), kStart)->status.flying);
+  bad.stamp_s = kStart + 0.2;
+  EXPECT_FALSE(core.take_command(bad, kStart)) << "this period has been answered";
 }
 
 TEST_F(Lockstep, PeriodIsAnsweredOnce) {
