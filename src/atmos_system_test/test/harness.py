@@ -1,0 +1,134 @@
+"""Starts launch files as a user does, each with a ROS master of its own, and reads what they recorded."""
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import rosbag
+import yaml
+
+ROOT = os.path.realpath(os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "..", ".."))
+sys.path.insert(0, os.path.join(ROOT, "scripts", "lib"))
+
+CONFIG = os.path.join(ROOT, "config")
+VEHICLE = os.path.join(CONFIG, "vehicle", "atmos.yaml")
+CONTROLLER = os.path.join(CONFIG, "controller", "direct_allocation.yaml")
+PERIOD_S = 0.1
+
+
+def scratch():
+    """A new folder that the operating system may empty."""
+    return tempfile.mkdtemp(prefix="atmos_system_test_")
+
+
+def write_scenario(folder, name="scenario", **changes):
+    """The paper's sequence with some keys replaced; returns the path."""
+    with open(os.path.join(CONFIG, "scenario", "paper_sequence.yaml")) as file:
+        scenario = yaml.safe_load(file)
+    scenario.update({"name": name, "vehicle": VEHICLE, "controller": CONTROLLER})
+    mocap = {**scenario["mocap"], **changes.pop("mocap", {})}
+    scenario.update({**changes, "mocap": mocap})
+    path = os.path.join(folder, name + ".yaml")
+    with open(path, "w") as file:
+        yaml.safe_dump(scenario, file)
+    return path
+
+
+class Launch:
+    """A running launch file. Leaves no process behind, whatever happens."""
+
+    def __init__(self, launch_file, **arguments):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.master = f"http://localhost:{self.port}"
+        self.log = tempfile.NamedTemporaryFile("w", suffix=".log")
+        command = ["roslaunch", "--port", str(self.port), os.path.join(ROOT, "launch", launch_file)]
+        self.process = subprocess.Popen(command + [f"{k}:={v}" for k, v in arguments.items()], stdout=self.log,
+                                        stderr=subprocess.STDOUT, env={**os.environ, "ROS_MASTER_URI": self.master})
+
+    def wait(self, limit_s):
+        """The log once the launch has ended by itself; TimeoutError with the log when it has not."""
+        try:
+            self.process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            self.stop()
+            raise TimeoutError(f"not over after {limit_s} s:\n{self.text()}") from None
+        return self.text()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(30)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def text(self):
+        # Opened anew: the launch writes through the offset of self.log.
+        with open(self.log.name, errors="replace") as log:
+            return log.read()
+
+    def processes(self):
+        """Process ids of everything that talks to this launch's master."""
+        marks = {f"ROS_MASTER_URI={self.master}{end}".encode() for end in ("", "/")}  # roslaunch adds the slash
+        found = []
+        for pid in filter(str.isdigit, os.listdir("/proc")):
+            try:
+                with open(f"/proc/{pid}/environ", "rb") as file:
+                    variables = set(file.read().split(b"\0"))
+                with open(f"/proc/{pid}/stat") as file:
+                    zombie = file.read().rsplit(")", 1)[1].split()[0] == "Z"
+            except OSError:
+                continue  # gone, or not ours
+            if marks & variables and not zombie:
+                found.append(int(pid))
+        return found
+
+    def node_pid(self, name):
+        """Process id of a node, by its name in the launch file."""
+        for pid in self.processes():
+            with open(f"/proc/{pid}/cmdline", "rb") as file:
+                if f"__name:={name}".encode() in file.read().split(b"\0"):
+                    return pid
+        raise LookupError(f"no node {name}")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stop()
+        deadline = time.monotonic() + 5.0
+        while self.processes() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        orphans = self.processes()
+        for pid in orphans:
+            os.kill(pid, signal.SIGKILL)
+        self.log.close()
+        if orphans:
+            raise AssertionError(f"processes outlived the launch: {orphans}")
+
+
+def fly(scenario, limit_s=120.0, **arguments):
+    """Flies a scenario to its end with sim.launch; returns (bag, log). AssertionError when it did not get there."""
+    folder = scratch()
+    bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
+    with Launch("sim.launch", scenario=scenario, record=bag, summary=summary, **arguments) as launch:
+        log = launch.wait(limit_s)
+    assert os.path.exists(summary), f"the flight did not reach its end:\n{log}"
+    assert os.path.exists(bag), f"no recording:\n{log}"
+    return bag, log
+
+
+def messages(bag, name, robot="atmos"):
+    """Messages of one topic in the order of recording."""
+    with rosbag.Bag(bag) as opened:
+        return [message for _, message, _ in opened.read_messages(topics=[f"/{robot}/{name}"])]
+
+
+def stamp(message):
+    return message.header.stamp.to_sec()
