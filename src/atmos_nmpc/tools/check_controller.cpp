@@ -1,4 +1,5 @@
-// Loads a controller file for a vehicle, as the node does. Exit code 2 with one line per fault when something is wrong.
+// Loads a controller file for a vehicle, as the node does. Exit code 2 with one line per fault when something
+// is wrong.
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
