@@ -13,9 +13,9 @@ namespace {
 
 TrackingWeights read_weights(const ConfigMap& map) {
   TrackingWeights weights;
-  weights.position = map.vector3("position", Bounds::non_negative());
+  weights.position = map.vector3("position", Bounds::positive());
   weights.velocity = map.vector3("velocity", Bounds::non_negative());
-  weights.attitude = map.vector3("attitude", Bounds::non_negative());
+  weights.attitude = map.vector3("attitude", Bounds::positive());
   weights.rate = map.vector3("rate", Bounds::non_negative());
   weights.terminal_factor = map.number("terminal_factor", Bounds::non_negative());
   return weights;

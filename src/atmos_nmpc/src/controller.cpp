@@ -59,8 +59,11 @@ void Controller::add_goal(const Goal& goal) {
   Goal accepted = goal;
   accepted.q_WB.normalize();
   // What is asked for the past holds at once, and takes the place of what holds now.
-  if (last_period_)
-    accepted.stamp_s = std::max(goal.stamp_s, static_cast<double>(*last_period_) * period_s());
+  if (last_period_) {
+    const double now_s = static_cast<double>(*last_period_) * period_s();
+    const Goal* in_force = goal_at(now_s);
+    accepted.stamp_s = std::max({goal.stamp_s, now_s, in_force == nullptr ? now_s : in_force->stamp_s});
+  }
   const auto later = std::upper_bound(goals_.begin(), goals_.end(), accepted.stamp_s,
                                       [](double stamp, const Goal& other) { return stamp < other.stamp_s; });
   goals_.insert(later, accepted);

@@ -8,6 +8,7 @@ namespace atmos {
 
 State13<double> predict(const Vehicle& vehicle, const AllocationMatrices& thrusters,
                         const ValveSchedule& valves, State13<double> x, double from_s, double until_s) {
+  if (until_s <= from_s) return x;
   constexpr double kMaxStep = 0.02;
   Eigen::VectorXd force(valves.valve_count());
   double t = from_s;

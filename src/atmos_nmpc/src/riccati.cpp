@@ -23,7 +23,8 @@ Eigen::MatrixXd solve_dare(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, c
     H += gain;
     H = 0.5 * (H + H.transpose()).eval();
     if (!H.allFinite()) break;
-    if (gain.norm() <= 1e-14 * H.norm()) return H;
+    // Largest coefficients, which do not overflow before the matrices do, as a norm's squares would.
+    if (gain.cwiseAbs().maxCoeff() <= 1e-14 * H.cwiseAbs().maxCoeff()) return H;
   }
   throw std::invalid_argument("the Riccati equation has no stabilising solution for these weights");
 }

@@ -1,0 +1,199 @@
+#include "atmos_nmpc/solver.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <stdexcept>
+
+#include "atmos_nmpc/config.h"
+#include "atmos_nmpc/direct_allocation.h"
+#include "numeric.h"
+
+namespace atmos {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+double stopped_clock() { return 1234.5; }
+
+// min f(z) over one variable, with a second, fixed-structure constraint g(z) = 0 over two variables.
+struct Toy : NonlinearProgram {
+  std::function<double(double)> f = [](double x) { return (x - 1.0) * (x - 1.0); };
+  std::function<double(double)> df = [](double x) { return 2.0 * (x - 1.0); };
+  std::function<double(double)> ddf = [](double) { return 2.0; };
+  // y - c(x) = 0
+  std::function<double(double)> c = [](double x) { return x; };
+  std::function<double(double)> dc = [](double) { return 1.0; };
+  std::function<double(double)> ddc = [](double) { return 0.0; };
+  Eigen::VectorXd lower = Eigen::VectorXd::Constant(2, -kInfinity),
+                  upper = Eigen::VectorXd::Constant(2, kInfinity);
+  Sparsity J, H;
+  Toy() {
+    J.add(0, 0);
+    J.add(0, 1);
+    H.add(0, 0);
+  }
+  int variable_count() const override { return 2; }
+  int constraint_count() const override { return 1; }
+  const Eigen::VectorXd& lower_bounds() const override { return lower; }
+  const Eigen::VectorXd& upper_bounds() const override { return upper; }
+  const Sparsity& jacobian_sparsity() const override { return J; }
+  const Sparsity& hessian_sparsity() const override { return H; }
+  double objective(const double* z) const override { return f(z[0]); }
+  void gradient(const double* z, double* out) const override { out[0] = df(z[0]), out[1] = 0.0; }
+  void constraints(const double* z, double* out) const override { out[0] = z[1] - c(z[0]); }
+  void jacobian(const double* z, double* out) const override { out[0] = -dc(z[0]), out[1] = 1.0; }
+  void hessian(const double* z, double factor, const double* lambda, double* out) const override {
+    out[0] = factor * ddf(z[0]) - lambda[0] * ddc(z[0]);
+  }
+  Iterate start(double x) const {
+    return {Eigen::Vector2d(x, c(x)), Eigen::VectorXd::Zero(2), Eigen::VectorXd::Zero(2),
+            Eigen::VectorXd::Zero(1)};
+  }
+};
+
+SolveResult solve(const Toy& toy, double from, SolverOptions options = {}, Stopwatch clock = stopped_clock) {
+  OptimalControlSolver solver(toy, options, std::move(clock));
+  Iterate iterate = toy.start(from);
+  return solver.solve(iterate);
+}
+
+TEST(SolverStatus, NotRunBeforeASolve) { EXPECT_EQ(SolveResult().status, SolverStatus::kNotRun); }
+
+TEST(SolverStatus, Solved) {
+  const SolveResult result = solve(Toy(), 5.0);
+  EXPECT_EQ(result.status, SolverStatus::kSolved);
+  EXPECT_NEAR(result.objective, 0.0, 1e-8);
+}
+
+TEST(SolverStatus, Acceptable) {
+  Toy toy;
+  toy.ddf = [](double) { return 20.0; };  // steps ten times too short
+  SolverOptions options;
+  options.max_iterations = 500;
+  options.ipopt = {{"tol", "1e-12"}, {"acceptable_tol", "1e-2"}, {"acceptable_iter", "2"}};
+  EXPECT_EQ(solve(toy, 1.5, options).status, SolverStatus::kAcceptable);
+}
+
+TEST(SolverStatus, IterationLimit) {
+  Toy toy;
+  toy.f = [](double x) { return std::pow(x, 4); };
+  toy.df = [](double x) { return 4.0 * std::pow(x, 3); };
+  toy.ddf = [](double x) { return 12.0 * x * x; };
+  SolverOptions options;
+  options.max_iterations = 2;
+  EXPECT_EQ(solve(toy, 100.0, options).status, SolverStatus::kIterationLimit);
+}
+
+TEST(SolverStatus, TimeLimit) {
+  Toy toy;
+  toy.f = [](double x) { return std::pow(x, 4); };
+  toy.df = [](double x) { return 4.0 * std::pow(x, 3); };
+  toy.ddf = [](double x) { return 12.0 * x * x; };
+  SolverOptions options;
+  options.time_limit_s = 0.05;
+  double now = 0.0;
+  const SolveResult result = solve(toy, 100.0, options, [&now] { return now += 0.02; });
+  EXPECT_EQ(result.status, SolverStatus::kTimeLimit);
+  EXPECT_GT(result.solve_time_s, 0.05);
+}
+
+TEST(SolverStatus, Infeasible) {
+  Toy toy;  // y = x^2 + 1 with y <= 0
+  toy.c = [](double x) { return x * x + 1.0; };
+  toy.dc = [](double x) { return 2.0 * x; };
+  toy.ddc = [](double) { return 2.0; };
+  toy.upper[1] = 0.0;
+  SolverOptions options;
+  options.max_iterations = 500;
+  EXPECT_EQ(solve(toy, 0.5, options).status, SolverStatus::kInfeasible);
+}
+
+TEST(SolverStatus, Diverged) {
+  Toy toy;
+  toy.f = [](double x) { return -x; };
+  toy.df = [](double) { return -1.0; };
+  toy.ddf = [](double) { return 0.0; };
+  SolverOptions options;
+  options.max_iterations = 500;
+  options.ipopt = {{"diverging_iterates_tol", "1e6"}};
+  EXPECT_EQ(solve(toy, 0.0, options).status, SolverStatus::kDiverged);
+}
+
+TEST(SolverStatus, InvalidNumber) {
+  Toy toy;
+  toy.df = [](double) { return std::nan(""); };
+  EXPECT_EQ(solve(toy, 5.0).status, SolverStatus::kInvalidNumber);
+}
+
+TEST(SolverStatus, ErrorWhenAFunctionThrows) {
+  Toy toy;
+  toy.f = [](double) -> double { throw std::runtime_error("no value"); };
+  EXPECT_EQ(solve(toy, 5.0).status, SolverStatus::kError);
+}
+
+TEST(Solver, RecoversAfterAFailure) {
+  Toy toy;
+  bool broken = true;
+  toy.df = [&broken](double x) { return broken ? std::nan("") : 2.0 * (x - 1.0); };
+  OptimalControlSolver solver(toy, {}, stopped_clock);
+  Iterate iterate = toy.start(5.0);
+  EXPECT_EQ(solver.solve(iterate).status, SolverStatus::kInvalidNumber);
+  broken = false;
+  for (int k = 0; k < 2; ++k) {
+    iterate = toy.start(5.0);
+    EXPECT_EQ(solver.solve(iterate).status, SolverStatus::kSolved);
+    EXPECT_NEAR(iterate.z[0], 1.0, 1e-6);
+  }
+}
+
+TEST(Solver, RefusesOptionsIpoptDoesNotTake) {
+  EXPECT_NE(ipopt_option_fault("no_such_option", "1"), "");
+  EXPECT_NE(ipopt_option_fault("tol", "-1"), "");
+  EXPECT_NE(ipopt_option_fault("tol", "1e-4 # tight"), "");
+  EXPECT_NE(ipopt_option_fault("max_iter", "1.5"), "");
+  EXPECT_NE(ipopt_option_fault("mu_strategy", "bold"), "");
+  EXPECT_EQ(ipopt_option_fault("tol", "1e-4"), "");
+  EXPECT_EQ(ipopt_option_fault("mu_strategy", "adaptive"), "");
+  const Toy toy;
+  SolverOptions options;
+  options.ipopt = {{"no_such_option", "1"}};
+  EXPECT_THROW(OptimalControlSolver(toy, options, stopped_clock), std::invalid_argument);
+}
+
+TEST(Solver, AnswerDoesNotDependOnTheWarmStart) {
+  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
+  ControllerConfig config = load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle);
+  config.solver.ipopt["tol"] = "1e-10";
+  config.solver.max_iterations = 200;
+  DirectAllocation problem = make_direct_allocation(vehicle, config);
+  State13<double> x0 = State13<double>::Zero();
+  x0.head<2>() << -0.6, 0.3;
+  x0.segment<4>(state13::kQuaternion) = testing::about_axis({0, 0, 1}, 0.6);
+  x0[state13::kVelocity] = 0.1;
+  const auto P = planar_terminal_weight(problem.dynamics(), config.weights, config.force_weight, 0.0);
+  State13<double> reference = State13<double>::Zero();
+  reference[state13::kQuaternion] = 1.0;
+  problem.cost().set_reference(reference, x0.segment<4>(state13::kQuaternion), P);
+  problem.set_initial_state(x0);
+
+  OptimalControlSolver solver(problem, config.solver, stopped_clock);
+  Iterate cold = problem.cold_start(1e-4);
+  ASSERT_EQ(solver.solve(cold).status, SolverStatus::kSolved);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> input(-1.4, 1.4), state(-0.2, 0.2);
+  for (int trial = 0; trial < 10; ++trial) {
+    Iterate other = trial % 2 == 0 ? problem.cold_start(1e-2) : problem.shifted(cold);
+    for (int k = 0; k < problem.stages(); ++k) {
+      for (int i = 0; i < 4; ++i) other.z[17 * k + i] = input(random);
+      for (int i = 4; i < 17; ++i) other.z[17 * k + i] += state(random);
+    }
+    ASSERT_EQ(solver.solve(other).status, SolverStatus::kSolved) << "trial " << trial;
+    EXPECT_LT((other.z - cold.z).cwiseAbs().maxCoeff(), 1e-6) << "trial " << trial;
+  }
+}
+
+}  // namespace
+}  // namespace atmos
