@@ -59,7 +59,7 @@ TEST(MocapConfig, ReadsEachKeyIntoItsPlace) {
   EXPECT_EQ(config.initial_angular_velocity_rad_s, 1.0);
   EXPECT_EQ(config.nis_gate, 40.0);
   EXPECT_EQ(config.reinitialise_after, 5);
-  EXPECT_EQ(config.coast_s, 0.3);
+  EXPECT_EQ(config.coast_s, 0.05);
 }
 
 TEST(MocapConfig, MutatedCopiesAreRefused) {
@@ -69,11 +69,11 @@ TEST(MocapConfig, MutatedCopiesAreRefused) {
       {"correlation_s: 0.1", "correlation_s: -0.1"},
       {"thrust_error: 0.05", "thrust_error: 5 %"},
       {"reinitialise_after: 5", "reinitialise_after: 0"},
-      {"coast_s: 0.3", "coast_s: .nan"},
-      {"coast_s: 0.3", ""},
+      {"coast_s: 0.05", "coast_s: .nan"},
+      {"coast_s: 0.05", ""},
   };
   for (const auto& [from, to] : mutations) EXPECT_EQ(faults_of(replaced(from, to)).size(), 1u) << to;
-  EXPECT_TRUE(faults_of(replaced("coast_s: 0.3", "coast_s: 0.4")).empty());
+  EXPECT_TRUE(faults_of(replaced("coast_s: 0.05", "coast_s: 0.4")).empty());
 }
 
 }  // namespace

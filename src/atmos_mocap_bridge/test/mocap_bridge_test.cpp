@@ -90,21 +90,21 @@ TEST(MocapBridge, EveryFrameIsAnsweredAndALostRobotHasNoOdometry) {
   Bridge bridge("atmos");
   ASSERT_TRUE(wait_until([&] { return bridge.connected(); }));
 
-  // 100 good frames, 50 unseen ones (30 lie within the coast time), 20 good ones.
+  // 100 good frames, 50 unseen ones (5 lie within the coast time), 20 good ones.
   for (int frame = 0; frame < 170; ++frame) {
     bridge.send_frame(frame, frame < 100 || frame >= 150);
     const auto answered = static_cast<std::size_t>(frame + 1);
     ASSERT_TRUE(wait_until([&] { return bridge.status.size() == answered; }))
         << "no status for frame " << frame;
   }
-  ASSERT_TRUE(wait_until([&] { return bridge.odometry.size() == 150 && bridge.transforms == 150; }))
+  ASSERT_TRUE(wait_until([&] { return bridge.odometry.size() == 125 && bridge.transforms == 125; }))
       << bridge.odometry.size() << " odometry messages, " << bridge.transforms << " transforms";
 
   std::size_t next = 0;
   for (int frame = 0; frame < 170; ++frame) {
     const MocapStatus& status = bridge.status[static_cast<std::size_t>(frame)];
-    const bool lost = frame >= 130 && frame < 150;
-    const bool coasting = frame >= 100 && frame < 130;
+    const bool lost = frame >= 105 && frame < 150;
+    const bool coasting = frame >= 100 && frame < 105;
     EXPECT_EQ(status.header.stamp, stamp_of(frame));
     EXPECT_EQ(status.state, lost       ? MocapStatus::LOST
                             : coasting ? MocapStatus::COASTING

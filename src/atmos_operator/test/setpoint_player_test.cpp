@@ -76,7 +76,8 @@ TEST(LoadSequence, NamesEveryFault) {
     load_sequence(
         written("setpoints:\n"
                 "  - {time_s: 1, x_m: 0, y_m: 0, yaw_deg: 0}\n"
-                "  - {time_s: 1, x_m: oops, y_m: -1, yaw_deg: 180}\n"
+                "  - {time_s: 5, x_m: oops, y_m: -1, yaw_deg: 180}\n"
+                "  - {time_s: 4, x_m: 0, y_m: 0, yaw_deg: 0}\n"
                 "speed: 3\n"));
     FAIL() << "no fault reported";
   } catch (const ConfigError& error) {

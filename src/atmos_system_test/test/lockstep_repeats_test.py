@@ -12,9 +12,9 @@ TOPICS = ("thruster_command", "odometry", "sim/truth", "mocap/pose")
 
 
 def payloads(bag, name):
-    """Serialised messages, without the sequence number, which counts publications and is no payload, and without the
-    last instant: nobody waits for the answers to it."""
-    result = []
+    """Stamp to serialised message, without the sequence number, which counts publications and is no payload, and without
+    the last instant: nobody waits for the answers to it."""
+    result = {}
     end = harness.stamp(harness.messages(bag, "setpoint")[0]) + DURATION_S
     for message in harness.messages(bag, name):
         if harness.stamp(message) > end - 1e-6:
@@ -22,7 +22,7 @@ def payloads(bag, name):
         message.header.seq = 0
         buffer = io.BytesIO()
         message.serialize(buffer)
-        result.append(buffer.getvalue())
+        result[message.header.stamp.to_nsec()] = buffer.getvalue()
     return result
 
 
@@ -41,9 +41,12 @@ class LockstepRepeats(unittest.TestCase):
         first, second, other = self.fly("first", 7), self.fly("second", 7), self.fly("other", 8)
         self.assertEqual(len(first["thruster_command"]), 120)
         for topic in TOPICS:
-            self.assertGreater(len(first[topic]), 100, topic)
-            self.assertTrue(first[topic] == second[topic], f"{topic} differs between two flights with the same seed")
-            self.assertFalse(first[topic] == other[topic], f"{topic} does not depend on the seed")
+            # The recorder is no part of the loop: on a busy machine it may lose a message, but never change one.
+            common = first[topic].keys() & second[topic].keys()
+            self.assertGreater(len(common), 0.95 * max(len(first[topic]), len(second[topic])), topic)
+            differing = sorted(t for t in common if first[topic][t] != second[topic][t])
+            self.assertEqual(differing, [], f"{topic}: two flights with the same seed differ at these stamps")
+            self.assertTrue(any(first[topic][t] != other[topic].get(t) for t in common), f"{topic} ignores the seed")
 
 
 if __name__ == "__main__":
