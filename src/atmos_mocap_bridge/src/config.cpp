@@ -37,6 +37,9 @@ MocapConfig load_mocap_config(const std::string& path) {
   config.nis_gate = gate.number("nis", Bounds::positive());
   config.reinitialise_after = gate.integer("reinitialise_after", 1, 1000);
   config.coast_s = root.number("coast_s", Bounds::between(0.0, 10.0));
+  config.forget_s = root.number("forget_s", Bounds::between(0.0, 10.0));
+  if (!root.faulty("coast_s") && !root.faulty("forget_s") && config.forget_s < config.coast_s)
+    root.fault("forget_s", "must not be shorter than coast_s");
   file.check();
   return config;
 }

@@ -79,7 +79,7 @@ void PoseFilter::take_command(const ThrusterCommand& command, double now_s) {
   if (command.stamp_s > known_until_ + kJoinTolerance_s) known_from_ = std::max(command.stamp_s, now_s);
   known_until_ = command.stamp_s + command.period_s;
   // While no frames come, nothing else keeps the memory bounded.
-  valves_.forget_before(command.stamp_s - config_.coast_s - kMostDelay_s);
+  valves_.forget_before(command.stamp_s - config_.forget_s - kMostDelay_s);
 }
 
 FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
@@ -103,9 +103,8 @@ FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
 
   const bool seen = usable(frame);
   if (!seen) ++counters_.rejected_not_finite;
-  const bool within_coast = state_ != TrackingState::kWaiting && state_ != TrackingState::kLost &&
-                            age <= config_.coast_s + kCoastTolerance_s;
-  if (!within_coast) {
+  const bool remembered = state_ != TrackingState::kWaiting && age <= config_.forget_s + kCoastTolerance_s;
+  if (!remembered) {
     if (seen) {
       start(frame);
       return {state_, true, 0.0};
@@ -115,10 +114,7 @@ FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
   }
 
   predict(frame.stamp_s);
-  if (!seen) {
-    state_ = TrackingState::kCoasting;
-    return {state_, true, age};
-  }
+  if (!seen) return coast(age);
   if (update(frame)) {
     ++counters_.accepted;
     accepted_stamp_ = frame.stamp_s;
@@ -131,8 +127,13 @@ FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
     start(frame);
     return {state_, true, 0.0};
   }
-  state_ = TrackingState::kCoasting;
-  return {state_, true, age};
+  return coast(age);
+}
+
+FrameResult PoseFilter::coast(double age_s) {
+  const bool published = age_s <= config_.coast_s + kCoastTolerance_s;
+  state_ = published ? TrackingState::kCoasting : TrackingState::kLost;
+  return {state_, published, age_s};
 }
 
 void PoseFilter::start(const PoseFrame& frame) {

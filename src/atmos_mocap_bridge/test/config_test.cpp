@@ -60,6 +60,7 @@ TEST(MocapConfig, ReadsEachKeyIntoItsPlace) {
   EXPECT_EQ(config.nis_gate, 40.0);
   EXPECT_EQ(config.reinitialise_after, 5);
   EXPECT_EQ(config.coast_s, 0.05);
+  EXPECT_EQ(config.forget_s, 0.3);
 }
 
 TEST(MocapConfig, MutatedCopiesAreRefused) {
@@ -71,9 +72,11 @@ TEST(MocapConfig, MutatedCopiesAreRefused) {
       {"reinitialise_after: 5", "reinitialise_after: 0"},
       {"coast_s: 0.05", "coast_s: .nan"},
       {"coast_s: 0.05", ""},
+      {"coast_s: 0.05", "coast_s: 0.4"},
+      {"forget_s: 0.3", ""},
   };
   for (const auto& [from, to] : mutations) EXPECT_EQ(faults_of(replaced(from, to)).size(), 1u) << to;
-  EXPECT_TRUE(faults_of(replaced("coast_s: 0.05", "coast_s: 0.4")).empty());
+  EXPECT_TRUE(faults_of(replaced("coast_s: 0.05", "coast_s: 0.3")).empty());
 }
 
 }  // namespace

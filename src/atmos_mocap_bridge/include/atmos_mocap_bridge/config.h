@@ -23,7 +23,8 @@ struct MocapConfig {
   double initial_angular_velocity_rad_s;  // > 0, 1 sigma per axis
   double nis_gate;                        // > 0; normalised innovation squared above which a frame is refused
   int reinitialise_after;                 // >= 1 consecutive refusals
-  double coast_s;                         // >= 0
+  double coast_s;                         // >= 0; predictions are published over gaps up to this
+  double forget_s;                        // >= coast_s; after a longer gap the filter starts anew
 };
 
 // Throws ConfigError with every fault.

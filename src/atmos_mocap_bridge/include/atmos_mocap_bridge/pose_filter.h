@@ -77,8 +77,9 @@ struct FrameCounters {
 // angular error).
 //
 // Frames that are not seen or fail the gate on the normalised innovation squared (NIS) are bridged by
-// prediction for at most coast_s after the last accepted frame, then the robot is lost until the next good
-// frame, from which the filter starts anew; so it does after reinitialise_after refusals in a row. Stamps
+// prediction. It is published for at most coast_s after the last accepted frame, then the robot is lost until
+// the next good frame; after forget_s that frame starts the filter anew, as it does after reinitialise_after
+// refusals in a row. Stamps
 // that do not ascend are refused; when reinitialise_after such frames come in a row with ascending stamps,
 // time has jumped back and the filter starts anew. Bad data never throws.
 class PoseFilter {
@@ -99,6 +100,8 @@ class PoseFilter {
   void start(const PoseFrame& frame);
   // Update with a frame of the estimate's stamp; false: the gate refused it.
   bool update(const PoseFrame& frame);
+  // What a frame without an acceptable pose leads to, `age_s` after the last accepted one.
+  FrameResult coast(double age_s);
   void predict(double until_s);
   // One stretch of constant openings; `known`: whether they are.
   void integrate(double dt, bool known);
