@@ -215,6 +215,8 @@ int run() {
   const Vehicle vehicle = load_vehicle(vehicle_path);
   const ControllerConfig config = load_controller(controller_path, vehicle);
   NmpcNode node(vehicle, config, private_node.param("lockstep", false));
+  if (!riccati_available())
+    ROS_WARN("this Ipopt takes no linear solver from outside: MUMPS is several times slower");
   ros::spin();
   return 0;
 }

@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "riccati_linear_solver.h"
+
 namespace atmos {
 
 namespace {
@@ -69,6 +71,12 @@ std::string set_option(Ipopt::IpoptApplication& app, const std::string& name, co
       app.Options()->SetStringValue(name, value);
       return "";
   }
+}
+
+// Options that ask for another factorisation, or that scale the rows out of the form StageKkt takes.
+bool leaves_riccati(const std::map<std::string, std::string>& options) {
+  const auto scaling = options.find("nlp_scaling_method");
+  return options.count("linear_solver") == 0 && (scaling == options.end() || scaling->second == "none");
 }
 
 SolverStatus status_of(Ipopt::ApplicationReturnStatus status) {
@@ -224,14 +232,18 @@ std::string ipopt_option_fault(const std::string& name, const std::string& value
   return set_option(*app, name, value);
 }
 
+bool riccati_available() { return riccati_seam_available(); }
+
 struct OptimalControlSolver::Impl {
   Ipopt::SmartPtr<Ipopt::IpoptApplication> app;
   Ipopt::SmartPtr<Adapter> adapter;
   Stopwatch stopwatch;
   std::optional<double> time_limit_s;
+  std::unique_ptr<RiccatiLinearSolver> riccati;  // none: Ipopt's own linear solver
   bool structure_known = false;
 
   SolverStatus optimize() {
+    const RiccatiInUse use(riccati.get());
     if (structure_known) return status_of(app->ReOptimizeTNLP(Ipopt::GetRawPtr(adapter)));
     const SolverStatus status = status_of(app->OptimizeTNLP(Ipopt::GetRawPtr(adapter)));
     structure_known = is_success(status);
@@ -249,6 +261,13 @@ OptimalControlSolver::OptimalControlSolver(const NonlinearProgram& problem, cons
   impl_->time_limit_s = options.time_limit_s;
   for (const auto& [name, value] : default_options()) set_option(*impl_->app, name, value);
   set_option(*impl_->app, "max_iter", std::to_string(options.max_iterations));
+  const std::optional<StageLayout> layout = problem.stage_layout();
+  if (layout && riccati_available() && leaves_riccati(options.ipopt)) {
+    install_riccati_seam();
+    impl_->riccati = std::make_unique<RiccatiLinearSolver>(*layout);
+    set_option(*impl_->app, "linear_solver", "ma27");
+    set_option(*impl_->app, "linear_system_scaling", "none");
+  }
   for (const auto& [name, value] : options.ipopt) {
     const std::string fault = set_option(*impl_->app, name, value);
     if (!fault.empty()) throw std::invalid_argument("Ipopt option " + name + ": " + fault);
@@ -258,6 +277,8 @@ OptimalControlSolver::OptimalControlSolver(const NonlinearProgram& problem, cons
 }
 
 OptimalControlSolver::~OptimalControlSolver() = default;
+
+bool OptimalControlSolver::uses_riccati() const { return impl_->riccati != nullptr; }
 
 SolveResult OptimalControlSolver::solve(Iterate& iterate) noexcept {
   SolveResult result;

@@ -195,5 +195,100 @@ TEST(Solver, AnswerDoesNotDependOnTheWarmStart) {
   }
 }
 
+// At a random state before a random reference; every third with hard bounds of the rates too.
+DirectAllocation random_problem(const Vehicle& vehicle, ControllerConfig config, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  config.stages = 4 + static_cast<int>(seed % 9);
+  config.attitude_error = seed % 2 == 0 ? AttitudeError::kPaper : AttitudeError::kVector;
+  DirectAllocation problem = make_direct_allocation(vehicle, config);
+  const auto state = [&](double speed) {
+    State13<double> x = State13<double>::Zero();
+    for (int i = 0; i < 3; ++i) {
+      x[state13::kPosition + i] = 2.0 * unit(random);
+      x[state13::kVelocity + i] = speed * unit(random);
+      x[state13::kAngularVelocity + i] = speed * unit(random);
+    }
+    x[state13::kPosition + 2] *= 0.01;
+    x.segment<4>(state13::kQuaternion) =
+        testing::about_axis({0.1 * unit(random), 0.1 * unit(random), 1.0}, M_PI * unit(random));
+    return x;
+  };
+  const State13<double> x0 = state(0.4), reference = state(0.0);
+  if (seed % 3 == 0) {
+    State13<double> limit = State13<double>::Constant(kInfinity);
+    limit.segment<3>(state13::kVelocity).setConstant(0.6);
+    limit.segment<3>(state13::kAngularVelocity).setConstant(0.6);
+    problem.set_state_bounds(-limit, limit);
+  }
+  problem.cost().set_reference(reference, x0.segment<4>(state13::kQuaternion),
+                               TrackingCost::PlanarWeight::Identity());
+  problem.set_initial_state(x0);
+  return problem;
+}
+
+TEST(Solver, StageFactorisationGivesTheAnswerOfMumps) {
+  if (!riccati_available()) GTEST_SKIP() << "this Ipopt takes no linear solver from outside";
+  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
+  const ControllerConfig config =
+      load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle);
+  SolverOptions options;
+  options.max_iterations = 300;
+  options.ipopt = {{"tol", "1e-9"}};
+  SolverOptions general = options;
+  general.ipopt["linear_solver"] = "mumps";
+  int solved = 0;
+  for (std::uint32_t seed = 1; seed <= 500; ++seed) {
+    const DirectAllocation problem = random_problem(vehicle, config, seed);
+    OptimalControlSolver by_stages(problem, options, stopped_clock),
+        by_mumps(problem, general, stopped_clock);
+    ASSERT_TRUE(by_stages.uses_riccati());
+    ASSERT_FALSE(by_mumps.uses_riccati());
+    Iterate a = problem.cold_start(1e-4), b = a;
+    const SolveResult result = by_stages.solve(a), expected = by_mumps.solve(b);
+    ASSERT_EQ(is_success(result.status), is_success(expected.status)) << "seed " << seed;
+    if (!is_success(result.status)) continue;
+    ++solved;
+    EXPECT_LT((a.z - b.z).cwiseAbs().maxCoeff(), 1e-6) << "seed " << seed;
+  }
+  EXPECT_GE(solved, 495);
+}
+
+// Problems without a feasible point, which end in Ipopt's restoration phase: there the rows have a dual
+// block.
+TEST(Solver, StageFactorisationCarriesTheRestorationPhase) {
+  if (!riccati_available()) GTEST_SKIP() << "this Ipopt takes no linear solver from outside";
+  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
+  const ControllerConfig config =
+      load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle);
+  SolverOptions options;
+  options.max_iterations = 500;
+  SolverOptions general = options;
+  general.ipopt["linear_solver"] = "mumps";
+  int infeasible = 0;
+  for (std::uint32_t seed = 1; seed <= 30; ++seed) {
+    DirectAllocation problem = random_problem(vehicle, config, seed);
+    State13<double> limit = State13<double>::Constant(kInfinity);
+    limit.segment<3>(state13::kVelocity).setConstant(0.1);
+    problem.set_state_bounds(-limit, limit);
+    State13<double> x0 = problem.initial_state();
+    x0.segment<3>(state13::kVelocity) << 1.0, 0.0, 0.0;  // no input brakes that within one step
+    problem.set_initial_state(x0);
+    OptimalControlSolver by_stages(problem, options, stopped_clock),
+        by_mumps(problem, general, stopped_clock);
+    Iterate a = problem.cold_start(1e-4), b = a;
+    const SolverStatus status = by_stages.solve(a).status;
+    EXPECT_FALSE(is_success(status)) << "seed " << seed;
+    EXPECT_EQ(status, by_mumps.solve(b).status) << "seed " << seed;
+    infeasible += status == SolverStatus::kInfeasible ? 1 : 0;
+
+    x0.segment<3>(state13::kVelocity).setZero();
+    problem.set_initial_state(x0);
+    a = problem.cold_start(1e-4);
+    EXPECT_EQ(by_stages.solve(a).status, SolverStatus::kSolved) << "seed " << seed;
+  }
+  EXPECT_GE(infeasible, 15);
+}
+
 }  // namespace
 }  // namespace atmos

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "atmos_nmpc/nonlinear_program.h"
@@ -48,6 +49,14 @@ class MultipleShooting : public NonlinearProgram {
   const TrackingCost& cost() const { return cost_; }
   int stages() const { return N_; }
 
+  // Hard bounds of x1 ... xN, infinite where there is none. With them a problem may be infeasible.
+  void set_state_bounds(const State& lower, const State& upper) {
+    for (int k = 1; k <= N_; ++k) {
+      lower_.segment<kStates>(state_at(k)) = lower;
+      upper_.segment<kStates>(state_at(k)) = upper;
+    }
+  }
+
   void set_initial_state(const State& x0) { initial_state_ = x0; }
   const State& initial_state() const { return initial_state_; }
 
@@ -67,14 +76,10 @@ class MultipleShooting : public NonlinearProgram {
           0.5 * (lower_.segment<kInputs>(input_at(k)) + upper_.segment<kInputs>(input_at(k)));
       start.z.segment<kStates>(state_at(k + 1)) = initial_state_;
     }
-    start.bound_lower = Eigen::VectorXd::Zero(variable_count());
-    start.bound_upper = start.bound_lower;
-    for (int k = 0; k < N_; ++k) {
-      for (int i = input_at(k); i < input_at(k) + kInputs; ++i) {
-        start.bound_lower[i] = mu / (start.z[i] - lower_[i]);
-        start.bound_upper[i] = mu / (upper_[i] - start.z[i]);
-      }
-    }
+    // No more than what belongs to this distance: the state may lie on a bound, or beyond it.
+    constexpr double kDistance = 1e-2;
+    start.bound_lower = mu * (start.z - lower_).cwiseMax(kDistance).cwiseInverse();
+    start.bound_upper = mu * (upper_ - start.z).cwiseMax(kDistance).cwiseInverse();
     start.lambda = Eigen::VectorXd::Zero(constraint_count());
     return start;
   }
@@ -103,6 +108,7 @@ class MultipleShooting : public NonlinearProgram {
 
   int variable_count() const override { return N_ * kBlock; }
   int constraint_count() const override { return N_ * kStates; }
+  std::optional<StageLayout> stage_layout() const override { return StageLayout{N_, kStates, kInputs}; }
   const Eigen::VectorXd& lower_bounds() const override { return lower_; }
   const Eigen::VectorXd& upper_bounds() const override { return upper_; }
   const Sparsity& jacobian_sparsity() const override { return jacobian_sparsity_; }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 namespace atmos {
@@ -27,6 +28,17 @@ struct Iterate {
   Eigen::VectorXd lambda;
 };
 
+// Shape of an optimal control problem in stage order: z = [u0 x1 u1 ... u(N-1) xN], constraint rows k:
+// F(x_k, u_k) - x_(k+1), Hessian blocks within one (x_k, u_k).
+struct StageLayout {
+  int stages;  // N
+  int states;
+  int inputs;
+
+  int variables() const { return stages * (states + inputs); }
+  int constraints() const { return stages * states; }
+};
+
 // Values may be asked for in any order and at any point; functions fill arrays of the sizes declared. The
 // structure never changes during an object's life, so that a solver analyses it once.
 class NonlinearProgram {
@@ -35,6 +47,8 @@ class NonlinearProgram {
 
   virtual int variable_count() const = 0;
   virtual int constraint_count() const = 0;
+  // None: a general program, which the solver factorises as such.
+  virtual std::optional<StageLayout> stage_layout() const { return std::nullopt; }
   // Infinite where there is no bound.
   virtual const Eigen::VectorXd& lower_bounds() const = 0;
   virtual const Eigen::VectorXd& upper_bounds() const = 0;

@@ -98,10 +98,12 @@ class RigidBodyStep {
         const Vec3<double> d = D_over_m_.col(j);
         weighted.col(7 + j) += rotation_form(alpha, d) * stages.q[i];
       }
-      const Eigen::Matrix<double, kFree, kFree> half = Q.transpose() * weighted;
+      // lazyProduct: at these sizes Eigen's general product spends most of its time on packing.
+      const Eigen::Matrix<double, kFree, kFree> half = Q.transpose().lazyProduct(weighted);
       H += half + half.transpose();
       const Eigen::Matrix3d M_ww = euler_form(kappa_w);
-      H.noalias() += W.transpose() * (M_ww * W);
+      const Eigen::Matrix<double, 3, kFree> M_W = M_ww * W;
+      H += W.transpose().lazyProduct(M_W);
 
       sigma = slope_adjoint(stages, i, kappa);
       sigma.template head<4>() += M_qq * stages.q[i];

@@ -51,12 +51,19 @@ struct SolveResult {
   double solve_time_s = 0.0;
 };
 
+// False: this build's Ipopt takes no linear solver from outside, and MUMPS does the work, several times
+// slower (docs/nmpc_solver.md).
+bool riccati_available();
+
 class OptimalControlSolver {
  public:
-  // `problem` must outlive the solver. Throws std::invalid_argument naming an option that Ipopt does not
-  // take.
+  // A problem with a stage layout is factorised by StageKkt, unless the options name a linear_solver of
+  // Ipopt's. `problem` must outlive the solver. Throws std::invalid_argument naming an option that Ipopt does
+  // not take.
   OptimalControlSolver(const NonlinearProgram& problem, const SolverOptions& options, Stopwatch stopwatch);
   ~OptimalControlSolver();
+
+  bool uses_riccati() const;
 
   // Starts from `iterate` and leaves the solution there; on failure what it leaves is Ipopt's last point.
   SolveResult solve(Iterate& iterate) noexcept;
