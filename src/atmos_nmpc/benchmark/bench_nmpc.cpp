@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "atmos_nmpc/advanced_step.h"
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
 #include "atmos_nmpc/solver.h"
@@ -97,7 +98,16 @@ class Runner {
     return u0;
   }
 
+  // The stage cost of what happened.
+  double cost(int k, const State& x, const Eigen::Vector4d& u) {
+    problem_.cost().set_reference(reference_at(k), x.segment<4>(state13::kQuaternion),
+                                  TrackingCost::PlanarWeight::Zero());
+    return problem_.cost().value(x, false) + 10.0 * u.squaredNorm();
+  }
+
   const DirectAllocation& problem() const { return problem_; }
+  const Iterate& iterate() const { return iterate_; }
+  bool solved() const { return warm_; }
   int failures() const { return failures_; }
   double median() const { return sorted()[ms_.size() / 2]; }
 
@@ -180,9 +190,65 @@ void bench(int stages) {
               noisy.failures(), kSteps);
 }
 
+// Advanced-step feedback in the same loop: the command is the first-order update of the solution prepared for
+// the predicted state; only where the set-point has changed is it a full solve's. The latency is from the
+// measurement to the input, the solve that prepares the next one comes after it.
+void bench_feedback(int stages) {
+  Runner converged(stages, options_with({{"tol", "1e-10"}}, 500)), advanced(stages, options_with({}));
+  AdvancedStep<DirectAllocation> feedback(advanced.problem());
+  std::mt19937 random(1), same_random(1);
+  State x = State::Zero();
+  x[state13::kQuaternion] = 1.0;
+  State ideal = x;
+  double cost = 0.0, ideal_cost = 0.0;
+  std::vector<double> ms;
+  int full_solves = 0;
+  for (int k = 0; k < kSteps; ++k) {
+    const State x0 = measured(x, 1.0, random);
+    Eigen::Vector4d u;
+    if (feedback.ready() && reference_at(k) == reference_at(k - 1)) {
+      const double begin = thread_cpu_seconds();
+      u = feedback.feedback(x0);
+      ms.push_back(1e3 * (thread_cpu_seconds() - begin));
+    } else {
+      u = advanced.step(k, x0);
+      ++full_solves;
+    }
+    cost += advanced.cost(k, x, u);
+    State predicted = advanced.problem().dynamics().next(x0, u);
+    predicted.segment<4>(state13::kQuaternion).normalize();
+    advanced.step(k, predicted);
+    feedback.forget();
+    if (advanced.solved()) feedback.prepare(advanced.problem(), advanced.iterate());
+    x = advanced.problem().dynamics().next(x, u);
+    x.segment<4>(state13::kQuaternion).normalize();
+
+    const Eigen::Vector4d best = converged.step(k, measured(ideal, 1.0, same_random));
+    ideal_cost += converged.cost(k, ideal, best);
+    ideal = converged.problem().dynamics().next(ideal, best);
+    ideal.segment<4>(state13::kQuaternion).normalize();
+  }
+  std::sort(ms.begin(), ms.end());
+  std::printf(
+      "{\"name\": \"nmpc/feedback_latency\", \"unit\": \"ms\", \"median\": %.5f, \"p99\": %.5f, \"max\": "
+      "%.5f, "
+      "\"n\": %zu}\n",
+      ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+  std::printf("{\"name\": \"nmpc/feedback_cost_ratio\", \"unit\": \"1\", \"median\": %.5f}\n",
+              cost / ideal_cost);
+  std::fprintf(stderr, "feedback: %d full solves, cost %.3f, converged %.3f\n", full_solves, cost,
+               ideal_cost);
+}
+
 }  // namespace
 
-int main() {
-  bench(20);
-  bench(50);
+// An argument is a prefix of the rows wanted: what cannot contribute to them is not run.
+int main(int argc, char** argv) {
+  const std::string prefix = argc > 1 ? argv[1] : "";
+  const auto wanted = [&prefix](const std::string& name) {
+    return name.compare(0, std::min(prefix.size(), name.size()), prefix, 0, name.size()) == 0;
+  };
+  if (wanted("nmpc/direct/N20/")) bench(20);
+  if (wanted("nmpc/direct/N50/")) bench(50);
+  if (wanted("nmpc/feedback_")) bench_feedback(20);
 }

@@ -165,6 +165,21 @@ class MultipleShooting : public NonlinearProgram {
     }
   }
 
+  // d F(x0, u0) / d x0, and the Lagrangian's d2 / du0 dx0: what the KKT system lacks for the sensitivity to
+  // x0.
+  void initial_state_blocks(const Iterate& at, Eigen::MatrixXd& A0, Eigen::MatrixXd& S0) const {
+    typename Dynamics::Jacobian J;
+    dynamics_.jacobian(initial_state_, input(at.z, 0), J);
+    A0 = Eigen::MatrixXd::Zero(kStates, kStates);
+    A0.template topLeftCorner<kAttitude, kAttitude>().setIdentity();
+    for (int i = 0; i < state13::kVelocity; ++i) A0(i, state13::kVelocity + i) = dynamics_.step_s();
+    A0.template rightCols<7>() = J.template leftCols<7>();
+    typename Dynamics::Hessian S;
+    dynamics_.hessian(initial_state_, input(at.z, 0), at.lambda.template head<kStates>(), S);
+    S0 = Eigen::MatrixXd::Zero(kInputs, kStates);
+    S0.template rightCols<7>() = S.template bottomLeftCorner<kInputs, 7>();
+  }
+
  private:
   static constexpr int kAttitude = state13::kQuaternion;  // (q, w) stand together from here
   static constexpr int kFree = Dynamics::kFree;
