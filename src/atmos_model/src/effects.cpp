@@ -3,6 +3,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 
 namespace atmos {
@@ -11,14 +12,75 @@ namespace {
 
 struct ParameterReader {
   const ConfigMap& map;
+
   void operator()(const ParameterInfo& info, double& value) const {
     value = map.number(info.name, info.bounds);
+  }
+  void operator()(const ParameterInfo& info, int& value) const {
+    value = map.integer(info.name, static_cast<int>(info.bounds.min), static_cast<int>(info.bounds.max));
+  }
+  void operator()(const ParameterInfo& info, std::array<double, 2>& value) const {
+    const Eigen::Vector2d v = map.vector2(info.name, info.bounds);
+    value = {v.x(), v.y()};
+  }
+  void operator()(const ParameterInfo& info, GridRows& value) const {
+    value = map.rows(info.name, info.bounds);
+    if (value.empty()) value = {{0.0}};
+  }
+  void operator()(const ParameterInfo& info, std::string& value) const { value = map.text(info.name); }
+  void operator()(const ParameterInfo& info, std::vector<ImpulseEvent>& value) const {
+    value.clear();
+    for (const ConfigMap& event : map.maps(info.name)) {
+      const Bounds impulse = Bounds::between(-1000.0, 1000.0);
+      value.push_back({event.number("time_s", Bounds::non_negative()),
+                       {event.number("impulse_x_n_s", impulse), event.number("impulse_y_n_s", impulse)},
+                       event.number("impulse_yaw_n_m_s", impulse)});
+    }
+  }
+  void operator()(const ParameterInfo& info, std::map<std::string, Unmodelled::Coefficient>& value) const {
+    value.clear();
+    if (const auto named = map.optional_map(info.name)) {
+      for (const std::string& name : named->keys()) {
+        const ConfigMap coefficient = named->map(name);
+        value[name] = {coefficient.number("value", Bounds::any()), coefficient.text("unit")};
+      }
+    }
   }
 };
 
 struct ParameterWriter {
   YAML::Emitter& out;
-  void operator()(const ParameterInfo& info, double value) const {
+
+  void operator()(const ParameterInfo& info, const GridRows& rows) const {
+    out << YAML::Key << info.name << YAML::Value << YAML::Flow << rows;
+  }
+  void operator()(const ParameterInfo& info, const std::array<double, 2>& value) const {
+    out << YAML::Key << info.name << YAML::Value << YAML::Flow
+        << std::vector<double>(value.begin(), value.end());
+  }
+  void operator()(const ParameterInfo& info, const std::vector<ImpulseEvent>& events) const {
+    out << YAML::Key << info.name << YAML::Value << YAML::BeginSeq;
+    for (const ImpulseEvent& event : events) {
+      out << YAML::Flow << YAML::BeginMap;
+      out << YAML::Key << "time_s" << YAML::Value << event.time_s;
+      out << YAML::Key << "impulse_x_n_s" << YAML::Value << event.impulse_n_s.x();
+      out << YAML::Key << "impulse_y_n_s" << YAML::Value << event.impulse_n_s.y();
+      out << YAML::Key << "impulse_yaw_n_m_s" << YAML::Value << event.impulse_yaw_n_m_s << YAML::EndMap;
+    }
+    out << YAML::EndSeq;
+  }
+  void operator()(const ParameterInfo& info,
+                  const std::map<std::string, Unmodelled::Coefficient>& coefficients) const {
+    out << YAML::Key << info.name << YAML::Value << YAML::BeginMap;
+    for (const auto& [name, coefficient] : coefficients) {
+      out << YAML::Key << name << YAML::Value << YAML::Flow << YAML::BeginMap;
+      out << YAML::Key << "value" << YAML::Value << coefficient.value;
+      out << YAML::Key << "unit" << YAML::Value << YAML::DoubleQuoted << coefficient.unit << YAML::EndMap;
+    }
+    out << YAML::EndMap;
+  }
+  template <class Scalar>
+  void operator()(const ParameterInfo& info, const Scalar& value) const {
     out << YAML::Key << info.name << YAML::Value << value;
   }
 };
@@ -58,6 +120,22 @@ bool make_effect(const std::string& kind, Effect& effect) {
   }
 }
 
+// Rules that span several parameters.
+void check_consistency(const Effect& effect, const ConfigMap& parameters) {
+  if (const auto* airflow = std::get_if<Airflow>(&effect)) {
+    if (airflow->force_x_n.size() != airflow->force_y_n.size() ||
+        airflow->force_x_n.front().size() != airflow->force_y_n.front().size())
+      parameters.fault("force_y_n", "must have as many rows and columns as force_x_n");
+  }
+  if (const auto* law = std::get_if<Unmodelled>(&effect)) {
+    try {
+      Unmodelled(*law).prepare(static_cast<std::size_t>(thruster_number().bounds.max));
+    } catch (const std::invalid_argument& error) {
+      parameters.fault(error.what());
+    }
+  }
+}
+
 std::vector<std::string> kinds() {
   std::vector<std::string> names;
   for (const EffectInfo& info : registered_effects()) names.push_back(info.kind);
@@ -90,6 +168,7 @@ std::vector<Effect> read_effects(const ConfigMap& root) {
       item.fault("kind", "stands more than once: " + kind);
     const ConfigMap parameters = item.map("parameters");
     std::visit([&](auto& e) { e.parameters(e, ParameterReader{parameters}); }, effect);
+    check_consistency(effect, parameters);
     effects.push_back(effect);
   }
   std::stable_sort(effects.begin(), effects.end(),
@@ -112,7 +191,7 @@ std::string write_model(const std::vector<Effect>& effects) {
   out << YAML::BeginSeq;
   for (const Effect& effect : effects) {
     out << YAML::BeginMap << YAML::Key << "kind" << YAML::Value << kind_of(effect);
-    out << YAML::Key << "parameters" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    out << YAML::Key << "parameters" << YAML::Value << YAML::BeginMap;
     std::visit([&](const auto& e) { e.parameters(e, ParameterWriter{out}); }, effect);
     out << YAML::EndMap << YAML::EndMap;
   }

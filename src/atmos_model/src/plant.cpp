@@ -19,9 +19,13 @@ Plant::Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s
 
   std::stable_sort(effects_.begin(), effects_.end(),
                    [](const Effect& a, const Effect& b) { return a.index() < b.index(); });
-  for (const Effect& effect : effects_) {
+  for (Effect& effect : effects_) {
     std::visit(
-        [&](const auto& e) {
+        [&](auto& e) {
+          if constexpr (std::is_same_v<std::decay_t<decltype(e)>, Unmodelled>)
+            e.prepare(properties_.thrusters.size());
+          max_step_s_ = std::min(max_step_s_, e.time_scale());
+          has_floor_ = has_floor_ || e.kIsFloor;
           e.alter(properties_);
           hidden_size_ += e.hidden_size(properties_);
           e.edges(edges_);

@@ -23,6 +23,7 @@ PlanarState<double> body_of(const VecX<double>& x) { return {x.segment<2>(0), x[
 void advance(const Plant& plant, const ValveSchedule& valves, double until_s, PlantState& state,
              double max_step_s) {
   VecX<double> openings(plant.thruster_count());
+  max_step_s = std::min(max_step_s, plant.max_step_s());
   const std::vector<double>& jumps = plant.edges();
   while (state.time_s < until_s) {
     const double t = state.time_s;

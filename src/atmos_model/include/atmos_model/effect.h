@@ -4,12 +4,14 @@
 // scalar so that simulator, predictor and controller run the very same law.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "atmos_model/planar.h"
 #include "atmos_model/strict_yaml.h"
 #include "atmos_model/valve_schedule.h"
+#include "atmos_model/vehicle.h"
 
 namespace atmos {
 
@@ -32,6 +34,12 @@ struct PlantProperties {
   std::vector<PlanarThruster> thrusters;
   std::vector<Eigen::Vector2d> bearings_m;  // from the geometric centre, body
   ValveTiming timing;
+
+  // Thruster `number` as commands count them, from 1.
+  const PlanarThruster& thruster(int number) const {
+    return thrusters.at(static_cast<std::size_t>(number - 1));
+  }
+  PlanarThruster& thruster(int number) { return thrusters.at(static_cast<std::size_t>(number - 1)); }
 };
 
 // One parameter of an effect, as model.yaml spells it.
@@ -40,6 +48,24 @@ struct ParameterInfo {
   std::string unit;
   Bounds bounds;
   std::string meaning;
+};
+
+// Parameters that several effects share.
+inline ParameterInfo thruster_number() {
+  return {"thruster", "1", Bounds::between(1, 64), "number in the vehicle file, from 1"};
+}
+inline ParameterInfo grid_origin() {
+  return {"origin_m", "m", Bounds::between(-50.0, 50.0), "world place of node (0, 0)"};
+}
+inline ParameterInfo grid_spacing() {
+  return {"spacing_m", "m", Bounds::between(0.01, 50.0), "between nodes"};
+}
+
+// A push from outside at one time; impulses in the world at the centre of mass, and about it.
+struct ImpulseEvent {
+  double time_s = 0.0;  // ROS time
+  Eigen::Vector2d impulse_n_s = Eigen::Vector2d::Zero();
+  double impulse_yaw_n_m_s = 0.0;
 };
 
 // Everything known at one instant when forces are worked out. Openings already contain thrust_rise.
@@ -83,13 +109,39 @@ struct EffectHooks {
   // Adds external forces.
   template <class S>
   void force(const Instant<S>&, const S* /*hidden*/, PlanarWrench<S>&) const {}
-  // Time derivatives of the hidden states, given the body's acceleration. `commanded`: openings before
-  // thrust_rise.
+  // Adds to the slope of the floor [m/m, world axes] at a place; the plant turns slopes into forces at the
+  // bearings. An effect that has this hook sets kIsFloor.
+  static constexpr bool kIsFloor = false;
   template <class S>
+  void slope(const Vec2<S>& /*p_W*/, Vec2<S>& /*slope_W*/) const {}
+  // Time derivatives of the hidden states, given the body's acceleration. `commanded`: openings before
+  // thrust_rise; `slope_at(p_W)`: slope of the floor at a place.
+  template <class S, class SlopeAt>
   void hidden_rate(const Instant<S>&, const S* /*commanded*/, const PlanarAcceleration<S>&,
-                   const S* /*hidden*/, S* /*rate*/) const {}
+                   const SlopeAt& /*slope_at*/, const S* /*hidden*/, S* /*rate*/) const {}
+  // The shortest time in which a hidden state of this effect changes much, s: integrators step no further.
+  double time_scale() const { return std::numeric_limits<double>::infinity(); }
   // Instants at which this effect's force jumps (start and end of a pulse), so that integrators stop there.
   void edges(std::vector<double>& /*times*/) const {}
 };
+
+// Friction of the bearings for which rubs(p_W) is true: `coefficient` times their share of the weight,
+// against the velocity of each. Below 2 mm/s the force falls smoothly to 0.
+template <class S, class Rubs>
+void add_bearing_friction(const Instant<S>& now, double coefficient, const Rubs& rubs,
+                          PlanarWrench<S>& wrench) {
+  constexpr double kSmoothSpeed = 2e-3;  // m/s
+  using std::sqrt;
+  const Eigen::Matrix<S, 2, 2> R_WB = rotation_WB(now.state.yaw);
+  const S normal = now.mass * (kGravity / static_cast<double>(now.plant.bearings_m.size()));
+  for (const Eigen::Vector2d& bearing : now.plant.bearings_m) {
+    const Eigen::Vector2d from_com_B = bearing - now.plant.com_B;
+    const Vec2<S> r_W = R_WB * from_com_B.cast<S>();
+    if (!rubs(Vec2<S>(now.state.p_WC + r_W))) continue;
+    const Vec2<S> v_W = point_velocity<S>(now.state.v_WC, now.state.yaw_rate, r_W);
+    const S speed = sqrt(v_W.squaredNorm() + kSmoothSpeed * kSmoothSpeed);
+    wrench.add_force_at(Vec2<S>(-(coefficient * normal / speed) * v_W), r_W);
+  }
+}
 
 }  // namespace atmos

@@ -76,6 +76,16 @@ class Plant {
     return moved_by<S>(shown, properties_.com_B - properties_.marker_B);
   }
 
+  // Slope of the floor [m/m, world axes] at a place.
+  template <class S>
+  Vec2<S> floor_slope(const Vec2<S>& p_W) const {
+    Vec2<S> slope_W = Vec2<S>::Zero();
+    for (const Effect& effect : effects_) std::visit([&](const auto& e) { e.slope(p_W, slope_W); }, effect);
+    return slope_W;
+  }
+
+  // The longest step an integrator of the hidden states may take, s.
+  double max_step_s() const { return max_step_s_; }
   // ROS times at which forces jump for reasons other than valves, ascending.
   const std::vector<double>& edges() const { return edges_; }
 
@@ -95,6 +105,18 @@ class Plant {
   Evaluation<S> evaluate(double t, const PlanarState<S>& state, const VecX<S>& hidden,
                          const VecX<S>& openings, Scratch<S>& scratch) const;
 
+  // Each bearing is pushed down its slope by its share of the weight.
+  template <class S>
+  void add_floor_forces(const Instant<S>& now, PlanarWrench<S>& wrench) const {
+    const Eigen::Matrix<S, 2, 2> R_WB = rotation_WB(now.state.yaw);
+    const S share = now.mass * (kGravity / static_cast<double>(properties_.bearings_m.size()));
+    for (const Eigen::Vector2d& bearing : properties_.bearings_m) {
+      const Eigen::Vector2d from_com_B = bearing - properties_.com_B;
+      const Vec2<S> r_W = R_WB * from_com_B.cast<S>();
+      wrench.add_force_at(Vec2<S>(-share * floor_slope<S>(now.state.p_WC + r_W)), r_W);
+    }
+  }
+
   // Calls visit(effect, pointer to its hidden states) for every effect in order.
   template <class T, class Visit>
   void for_each(T* hidden, const Visit& visit) const {
@@ -113,6 +135,8 @@ class Plant {
   std::vector<Effect> effects_;
   double start_s_;
   int hidden_size_ = 1;
+  bool has_floor_ = false;
+  double max_step_s_ = std::numeric_limits<double>::infinity();
   std::vector<double> edges_;
 };
 
@@ -146,6 +170,7 @@ Plant::Evaluation<S> Plant::evaluate(double t, const PlanarState<S>& state, cons
     out.wrench.torque += scratch.own[i] * cross2(thruster.position_m - properties_.com_B, thruster.direction);
   }
   out.wrench.force_W = rotation_WB(state.yaw) * force_B;
+  if (has_floor_) add_floor_forces(now, out.wrench);
   for_each(hidden.data(), [&](const auto& e, const S* own) { e.force(now, own, out.wrench); });
   return out;
 }
@@ -163,8 +188,9 @@ PlantRate<S> Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& h
   const Instant<S> instant{
       t, t - start_s_, properties_, state, scratch.openings.data(), now.open_count, now.mass, hidden[0]};
   const S* first = hidden.data();
+  const auto slope_at = [this](const Vec2<S>& p_W) { return floor_slope<S>(p_W); };
   for_each(hidden.data(), [&](const auto& e, const S* own) {
-    e.hidden_rate(instant, openings.data(), rate.body, own, rate.hidden.data() + (own - first));
+    e.hidden_rate(instant, openings.data(), rate.body, slope_at, own, rate.hidden.data() + (own - first));
   });
   return rate;
 }

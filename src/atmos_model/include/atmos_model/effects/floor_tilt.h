@@ -1,12 +1,12 @@
 #pragma once
 
 #include "atmos_model/effect.h"
-#include "atmos_model/vehicle.h"
 
 namespace atmos {
 
 // The floor is a tilted plane: each bearing is pushed down the slope by its share of the weight.
 struct FloorTilt : EffectHooks {
+  static constexpr bool kIsFloor = true;
   static constexpr const char* kKind = "floor_tilt";
   static constexpr const char* kEquation =
       "-(M g / 3) slope at each bearing; positive slope_x: the floor rises along world +x";
@@ -21,14 +21,8 @@ struct FloorTilt : EffectHooks {
   }
 
   template <class S>
-  void force(const Instant<S>& now, const S* /*hidden*/, PlanarWrench<S>& wrench) const {
-    const double bearings = static_cast<double>(now.plant.bearings_m.size());
-    const Eigen::Matrix<S, 2, 2> R_WB = rotation_WB(now.state.yaw);
-    const Vec2<S> share_W = -(now.mass * (kGravity / bearings)) * Vec2<S>(S(slope_x), S(slope_y));
-    for (const Eigen::Vector2d& bearing : now.plant.bearings_m) {
-      const Eigen::Vector2d from_com_B = bearing - now.plant.com_B;
-      wrench.add_force_at(share_W, R_WB * from_com_B.cast<S>());
-    }
+  void slope(const Vec2<S>& /*p_W*/, Vec2<S>& slope_W) const {
+    slope_W += Vec2<S>(S(slope_x), S(slope_y));
   }
 };
 

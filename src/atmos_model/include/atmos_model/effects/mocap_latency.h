@@ -4,7 +4,7 @@
 
 namespace atmos {
 
-// The motion-capture system reports the past: a delay that its stamps do not tell.
+// The pose is older than its stamp says.
 struct MocapLatency : EffectHooks {
   static constexpr const char* kKind = "mocap_latency";
   static constexpr const char* kEquation = "a pose stamped t shows the vehicle at t - delay_s";
@@ -13,10 +13,10 @@ struct MocapLatency : EffectHooks {
 
   template <class Self, class Visitor>
   static void parameters(Self& self, Visitor&& visit) {
-    visit(ParameterInfo{"delay_s", "s", Bounds::between(0.0, 1.0), "from exposure to stamp"}, self.delay_s);
+    visit(ParameterInfo{"delay_s", "s", Bounds::between(-0.5, 0.5), "exposure to stamp"}, self.delay_s);
   }
 
-  void alter(PlantProperties& plant) const { plant.mocap_latency_s += delay_s; }
+  void alter(PlantProperties& plant) const { plant.mocap_latency_s = delay_s; }
 };
 
 }  // namespace atmos

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <map>
+
+#include "atmos_model/effect.h"
+#include "atmos_model/expression.h"
+
+namespace atmos {
+
+// A law outside the vocabulary, as formulas with coefficients that bear units.
+struct Unmodelled : EffectHooks {
+  static constexpr const char* kKind = "unmodelled";
+  static constexpr const char* kEquation =
+      "force_x_n, force_y_n (world), torque_n_m: formulas of x, y, yaw, vx, vy, yaw_rate, t, u1..uN and the "
+      "coefficients";
+
+  struct Coefficient {
+    double value = 0.0;
+    std::string unit;
+  };
+
+  std::string force_x_n = "0";
+  std::string force_y_n = "0";
+  std::string torque_n_m = "0";
+  std::map<std::string, Coefficient> coefficients;
+
+  template <class Self, class Visitor>
+  static void parameters(Self& self, Visitor&& visit) {
+    visit(ParameterInfo{"force_x_n", "N", Bounds::any(), "formula, along world x"}, self.force_x_n);
+    visit(ParameterInfo{"force_y_n", "N", Bounds::any(), "formula, along world y"}, self.force_y_n);
+    visit(ParameterInfo{"torque_n_m", "N m", Bounds::any(), "formula"}, self.torque_n_m);
+    visit(ParameterInfo{"coefficients", "as stated", Bounds::any(), "name: {value, unit}"},
+          self.coefficients);
+  }
+
+  // What the formulas may name, in the order of their values.
+  std::vector<std::string> names(std::size_t thrusters) const {
+    std::vector<std::string> all = {"x", "y", "yaw", "vx", "vy", "yaw_rate", "t"};
+    for (std::size_t i = 1; i <= thrusters; ++i) all.push_back("u" + std::to_string(i));
+    for (const auto& [name, coefficient] : coefficients) all.push_back(name);
+    return all;
+  }
+
+  // Compiles the formulas for a vehicle with so many thrusters. Throws std::invalid_argument, naming the
+  // formula.
+  void prepare(std::size_t thrusters) {
+    const std::vector<std::string> known = names(thrusters);
+    force_x_ = Expression(force_x_n, known);
+    force_y_ = Expression(force_y_n, known);
+    torque_ = Expression(torque_n_m, known);
+  }
+
+  template <class S>
+  void force(const Instant<S>& now, const S*, PlanarWrench<S>& wrench) const {
+    std::vector<S> values = {now.state.p_WC.x(), now.state.p_WC.y(), now.state.yaw,       now.state.v_WC.x(),
+                             now.state.v_WC.y(), now.state.yaw_rate, S(now.since_start_s)};
+    values.insert(values.end(), now.openings, now.openings + now.plant.thrusters.size());
+    for (const auto& [name, coefficient] : coefficients) values.push_back(S(coefficient.value));
+    wrench.force_W += Vec2<S>(force_x_.evaluate(values.data()), force_y_.evaluate(values.data()));
+    wrench.torque += torque_.evaluate(values.data());
+  }
+
+ private:
+  Expression force_x_, force_y_, torque_;
+};
+
+}  // namespace atmos
