@@ -4,11 +4,17 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 namespace atmos {
 
 namespace {
+
+template <class E, class = void>
+constexpr bool has_thruster = false;
+template <class E>
+constexpr bool has_thruster<E, std::void_t<decltype(E::thruster)>> = true;
 
 struct ParameterReader {
   const ConfigMap& map;
@@ -24,17 +30,20 @@ struct ParameterReader {
     value = {v.x(), v.y()};
   }
   void operator()(const ParameterInfo& info, GridRows& value) const {
-    value = map.rows(info.name, info.bounds);
-    if (value.empty()) value = {{0.0}};
+    // A large map may stand in a file of its own: `height_file` in place of `height_m`.
+    const std::string file_key = info.name == "height_m" ? "height_file" : "";
+    value = !file_key.empty() && map.has(file_key) ? map.rows_file(file_key, info.bounds)
+                                                   : map.rows(info.name, info.bounds);
+    if (value.empty() || value.front().empty()) value = {{0.0}};
   }
   void operator()(const ParameterInfo& info, std::string& value) const { value = map.text(info.name); }
   void operator()(const ParameterInfo& info, std::vector<ImpulseEvent>& value) const {
     value.clear();
     for (const ConfigMap& event : map.maps(info.name)) {
-      const Bounds impulse = Bounds::between(-1000.0, 1000.0);
-      value.push_back({event.number("time_s", Bounds::non_negative()),
-                       {event.number("impulse_x_n_s", impulse), event.number("impulse_y_n_s", impulse)},
-                       event.number("impulse_yaw_n_m_s", impulse)});
+      value.push_back(
+          {event.number("time_s", ros_time()),
+           {event.number("impulse_x_n_s", info.bounds), event.number("impulse_y_n_s", info.bounds)},
+           event.number("impulse_yaw_n_m_s", info.bounds)});
     }
   }
   void operator()(const ParameterInfo& info, std::map<std::string, Unmodelled::Coefficient>& value) const {
@@ -42,7 +51,7 @@ struct ParameterReader {
     if (const auto named = map.optional_map(info.name)) {
       for (const std::string& name : named->keys()) {
         const ConfigMap coefficient = named->map(name);
-        value[name] = {coefficient.number("value", Bounds::any()), coefficient.text("unit")};
+        value[name] = {coefficient.number("value", info.bounds), coefficient.text("unit")};
       }
     }
   }
@@ -120,19 +129,57 @@ bool make_effect(const std::string& kind, Effect& effect) {
   }
 }
 
-// Rules that span several parameters.
-void check_consistency(const Effect& effect, const ConfigMap& parameters) {
+// The thruster an effect names, or 0.
+int thruster_of(const Effect& effect) {
+  return std::visit(
+      [](const auto& e) {
+        if constexpr (has_thruster<std::decay_t<decltype(e)>>) return e.thruster;
+        return 0;
+      },
+      effect);
+}
+
+// The first thing wrong with a formula; empty when it compiles.
+std::string formula_fault(const Unmodelled& law, const std::string& formula, std::size_t thrusters) {
+  try {
+    law.compile(formula, thrusters);
+    return "";
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+}
+
+// Rules that span several parameters, or this effect and those before it.
+void check_consistency(const Effect& effect, const std::vector<Effect>& before, const Vehicle* vehicle,
+                       const ConfigMap& item, const ConfigMap& parameters) {
+  const auto same_kind = [&](const Effect& other) { return other.index() == effect.index(); };
+  if (std::any_of(before.begin(), before.end(), same_kind) &&
+      !std::visit([](const auto& e) { return e.kRepeatable; }, effect))
+    item.fault("kind", "stands more than once: " + kind_of(effect));
+
+  if (const int thruster = thruster_of(effect); thruster != 0) {
+    if (std::any_of(before.begin(), before.end(),
+                    [&](const Effect& other) { return same_kind(other) && thruster_of(other) == thruster; }))
+      parameters.fault("thruster", "is named by another " + kind_of(effect) + " already");
+    if (vehicle != nullptr && !misfit(effect, *vehicle).empty())
+      parameters.fault("thruster", misfit(effect, *vehicle));
+  }
+  if (std::holds_alternative<Slosh>(effect) && vehicle != nullptr && !misfit(effect, *vehicle).empty())
+    parameters.fault("mass_kg", misfit(effect, *vehicle));
   if (const auto* airflow = std::get_if<Airflow>(&effect)) {
     if (airflow->force_x_n.size() != airflow->force_y_n.size() ||
         airflow->force_x_n.front().size() != airflow->force_y_n.front().size())
       parameters.fault("force_y_n", "must have as many rows and columns as force_x_n");
   }
   if (const auto* law = std::get_if<Unmodelled>(&effect)) {
-    try {
-      Unmodelled(*law).prepare(static_cast<std::size_t>(thruster_number().bounds.max));
-    } catch (const std::invalid_argument& error) {
-      parameters.fault(error.what());
-    }
+    const std::size_t thrusters =
+        vehicle != nullptr ? vehicle->thrusters.size() : static_cast<std::size_t>(kMaxThrusters);
+    law->parameters(*law, [&](const ParameterInfo& info, const auto& value) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>) {
+        if (const std::string fault = formula_fault(*law, value, thrusters); !fault.empty())
+          parameters.fault(info.name, fault);
+      }
+    });
   }
 }
 
@@ -153,7 +200,17 @@ std::string kind_of(const Effect& effect) {
   return std::visit([](const auto& e) { return std::string(e.kKind); }, effect);
 }
 
-std::vector<Effect> read_effects(const ConfigMap& root) {
+std::string misfit(const Effect& effect, const Vehicle& vehicle) {
+  const int count = static_cast<int>(vehicle.thrusters.size());
+  if (thruster_of(effect) > count)
+    return "must not be above " + std::to_string(count) + ", the thrusters of " + vehicle.name;
+  const auto* slosh = std::get_if<Slosh>(&effect);
+  if (slosh != nullptr && slosh->mass_kg > 0.5 * vehicle.mass_kg)
+    return "must not be more than half the mass of " + vehicle.name;
+  return "";
+}
+
+std::vector<Effect> read_effects(const ConfigMap& root, const Vehicle* vehicle) {
   std::vector<Effect> effects;
   for (const ConfigMap& item : root.maps("effects", false)) {
     const std::string kind = item.choice("kind", kinds());
@@ -162,13 +219,9 @@ std::vector<Effect> read_effects(const ConfigMap& root) {
       item.skip("parameters");
       continue;
     }
-    const bool repeated = std::any_of(effects.begin(), effects.end(),
-                                      [&](const Effect& other) { return other.index() == effect.index(); });
-    if (repeated && !std::visit([](const auto& e) { return e.kRepeatable; }, effect))
-      item.fault("kind", "stands more than once: " + kind);
     const ConfigMap parameters = item.map("parameters");
     std::visit([&](auto& e) { e.parameters(e, ParameterReader{parameters}); }, effect);
-    check_consistency(effect, parameters);
+    check_consistency(effect, effects, vehicle, item, parameters);
     effects.push_back(effect);
   }
   std::stable_sort(effects.begin(), effects.end(),
@@ -176,9 +229,9 @@ std::vector<Effect> read_effects(const ConfigMap& root) {
   return effects;
 }
 
-std::vector<Effect> load_model(const std::string& path) {
+std::vector<Effect> load_model(const std::string& path, const Vehicle& vehicle) {
   const ConfigFile file(path);
-  std::vector<Effect> effects = read_effects(file.root());
+  std::vector<Effect> effects = read_effects(file.root(), &vehicle);
   file.check();
   return effects;
 }

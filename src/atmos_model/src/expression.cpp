@@ -10,11 +10,12 @@ namespace atmos {
 // power := atom [^ unary], atom := number | name | function ( sum ) | ( sum ).
 class ExpressionParser {
  public:
-  ExpressionParser(const std::string& text, const std::vector<std::string>& names,
-                   std::vector<Expression::Step>& steps)
-      : text_(text), names_(names), steps_(steps) {}
+  ExpressionParser(const std::string& text, const std::vector<std::string>& variables,
+                   const std::map<std::string, double>& constants, std::vector<Expression::Step>& steps)
+      : text_(text), variables_(variables), constants_(constants), steps_(steps) {}
 
   void parse() {
+    for (const auto& [name, value] : constants_) check_name(name);
     sum();
     skip_space();
     if (at_ != text_.size()) fail("an operator or the end");
@@ -123,12 +124,8 @@ class ExpressionParser {
     while (end < text_.size() && (std::isalnum(static_cast<unsigned char>(text_[end])) || text_[end] == '_'))
       ++end;
     const std::string name = text_.substr(at_, end - at_);
-    static const std::vector<std::pair<std::string, Op>> functions = {{"sin", Op::kSin},   {"cos", Op::kCos},
-                                                                      {"tanh", Op::kTanh}, {"exp", Op::kExp},
-                                                                      {"sqrt", Op::kSqrt}, {"abs", Op::kAbs}};
-    const auto function =
-        std::find_if(functions.begin(), functions.end(), [&](const auto& f) { return f.first == name; });
-    if (function != functions.end()) {
+    const auto function = functions().find(name);
+    if (function != functions().end()) {
       at_ = end;
       if (!take('(')) fail("\"(\" after " + name);
       sum();
@@ -136,22 +133,48 @@ class ExpressionParser {
       emit({function->second});
       return;
     }
-    const auto variable = std::find(names_.begin(), names_.end(), name);
-    if (variable == names_.end()) fail("a known name instead of \"" + name + "\"");
+    const auto constant = constants_.find(name);
+    const auto variable = std::find(variables_.begin(), variables_.end(), name);
+    if (constant == constants_.end() && variable == variables_.end())
+      fail("a known name instead of \"" + name + "\"");
     at_ = end;
-    emit({Op::kVariable, 0.0, static_cast<std::size_t>(variable - names_.begin())}, true);
+    if (constant != constants_.end()) {
+      emit({Op::kNumber, constant->second}, true);
+    } else {
+      emit({Op::kVariable, 0.0, static_cast<std::size_t>(variable - variables_.begin())}, true);
+    }
+  }
+
+  static const std::map<std::string, Op>& functions() {
+    static const std::map<std::string, Op> all = {{"sin", Op::kSin}, {"cos", Op::kCos},   {"tanh", Op::kTanh},
+                                                  {"exp", Op::kExp}, {"sqrt", Op::kSqrt}, {"abs", Op::kAbs}};
+    return all;
+  }
+
+  // A constant must not hide a variable or a function, and must be a name at all.
+  void check_name(const std::string& name) const {
+    const bool taken = functions().count(name) != 0 ||
+                       std::find(variables_.begin(), variables_.end(), name) != variables_.end();
+    const bool well_formed =
+        !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) &&
+        std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) || c == '_'; });
+    if (taken) throw std::invalid_argument("\"" + name + "\" is a variable or function already");
+    if (!well_formed) throw std::invalid_argument("\"" + name + "\" is not a name of letters, digits and _");
   }
 
   const std::string& text_;
-  const std::vector<std::string>& names_;
+  const std::vector<std::string>& variables_;
+  const std::map<std::string, double>& constants_;
   std::vector<Expression::Step>& steps_;
   std::size_t at_ = 0;
   std::size_t depth_ = 0;
   std::size_t nesting_ = 0;
 };
 
-Expression::Expression(const std::string& text, const std::vector<std::string>& names) : text_(text) {
-  ExpressionParser(text_, names, steps_).parse();
+Expression::Expression(const std::string& text, const std::vector<std::string>& variables,
+                       const std::map<std::string, double>& constants)
+    : text_(text) {
+  ExpressionParser(text_, variables, constants, steps_).parse();
 }
 
 }  // namespace atmos

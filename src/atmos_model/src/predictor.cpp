@@ -3,58 +3,82 @@
 #include <algorithm>
 #include <cmath>
 
-#include "atmos_model/rigid_body.h"
-
 namespace atmos {
 
 namespace {
 
-// [x, y, yaw, vx, vy, yaw rate, hidden...] as one vector, as the integrator wants it.
-VecX<double> pack(const PlantState& state) {
-  VecX<double> x(6 + state.hidden.size());
-  x << state.body.p_WC, state.body.yaw, state.body.v_WC, state.body.yaw_rate, state.hidden;
-  return x;
-}
+// Longest step, as a share of the shortest time scale of an effect: a first-order lag is then right to 1e-5.
+constexpr double kStepOfTimeScale = 0.25;
 
-PlanarState<double> body_of(const VecX<double>& x) { return {x.segment<2>(0), x[2], x.segment<2>(3), x[5]}; }
+// Classical Runge-Kutta steps of everything that moves, in storage that is used for every step.
+class Integrator {
+ public:
+  Integrator(const Plant& plant, const PlantState& start) : plant_(plant), at_(start) {
+    openings.resize(plant.thruster_count());
+  }
+
+  VecX<double> openings;
+
+  // One step of `dt` from t. Forces may jump at its end: the last stage looks just before `before_end`.
+  void step(double t, double dt, double before_end, PlantState& state) {
+    evaluate(t, state, rate_[0]);
+    offset(state, rate_[0], 0.5 * dt);
+    evaluate(std::min(t + 0.5 * dt, before_end), at_, rate_[1]);
+    offset(state, rate_[1], 0.5 * dt);
+    evaluate(std::min(t + 0.5 * dt, before_end), at_, rate_[2]);
+    offset(state, rate_[2], dt);
+    evaluate(std::min(t + dt, before_end), at_, rate_[3]);
+    for (int k = 0; k < 4; ++k) add(state, rate_[k], dt * (k == 0 || k == 3 ? 1.0 : 2.0) / 6.0);
+  }
+
+ private:
+  struct Rate {
+    Vec2<double> v_WC;
+    double yaw_rate;
+    PlantRate<double> plant;
+  };
+
+  void evaluate(double t, const PlantState& state, Rate& rate) {
+    rate.v_WC = state.body.v_WC;
+    rate.yaw_rate = state.body.yaw_rate;
+    plant_.rate(t, state.body, state.hidden, openings, rate.plant);
+  }
+  void offset(const PlantState& from, const Rate& rate, double dt) {
+    at_.body = from.body;
+    at_.hidden = from.hidden;
+    add(at_, rate, dt);
+  }
+  static void add(PlantState& state, const Rate& rate, double dt) {
+    state.body.p_WC += dt * rate.v_WC;
+    state.body.yaw += dt * rate.yaw_rate;
+    state.body.v_WC += dt * rate.plant.body.a_WC;
+    state.body.yaw_rate += dt * rate.plant.body.yaw_acceleration;
+    state.hidden += dt * rate.plant.hidden;
+  }
+
+  const Plant& plant_;
+  PlantState at_;
+  Rate rate_[4];
+};
 
 }  // namespace
 
 void advance(const Plant& plant, const ValveSchedule& valves, double until_s, PlantState& state,
              double max_step_s) {
-  VecX<double> openings(plant.thruster_count());
-  max_step_s = std::min(max_step_s, plant.max_step_s());
+  max_step_s = std::min(max_step_s, kStepOfTimeScale * plant.max_step_s());
   const std::vector<double>& jumps = plant.edges();
+  Integrator integrator(plant, state);
   while (state.time_s < until_s) {
     const double t = state.time_s;
     double end = std::min(until_s, valves.next_edge(t));
     const auto jump = std::upper_bound(jumps.begin(), jumps.end(), t);
     if (jump != jumps.end()) end = std::min(end, *jump);
-    valves.openings(t, openings.data());
+    valves.openings(t, integrator.openings.data());
 
     const int steps = std::max(1, static_cast<int>(std::ceil((end - t) / max_step_s - 1e-9)));
     const double dt = (end - t) / steps;
-    const double before_end = std::nextafter(end, t);
-    VecX<double> x = pack(state);
-    for (int k = 0; k < steps; ++k) {
-      const double step_start = t + k * dt;
-      int stage = 0;
-      x = rk4_step(x, dt, [&](const VecX<double>& at) {
-        // The classical scheme evaluates at t, twice at t + dt/2, and at t + dt: there just before the jump
-        // that may lie at the end.
-        const double offset = stage == 0 ? 0.0 : stage < 3 ? 0.5 * dt : dt;
-        const double now = std::min(step_start + offset, before_end);
-        ++stage;
-        const PlanarState<double> body = body_of(at);
-        const PlantRate<double> rate = plant.rate<double>(now, body, at.tail(at.size() - 6), openings);
-        VecX<double> derivative(at.size());
-        derivative << body.v_WC, body.yaw_rate, rate.body.a_WC, rate.body.yaw_acceleration, rate.hidden;
-        return derivative;
-      });
-    }
+    for (int k = 0; k < steps; ++k) integrator.step(t + k * dt, dt, std::nextafter(end, t), state);
     state.time_s = end;
-    state.body = body_of(x);
-    state.hidden = x.tail(x.size() - 6);
   }
 }
 

@@ -30,6 +30,18 @@ MocapSettings read_mocap(const ConfigMap& map) {
   return mocap;
 }
 
+// A fit may find a negative delay, where clocks disagree; a simulation knows no future.
+void check_causality(const ConfigMap& root) {
+  for (const ConfigMap& item : root.maps("effects", false)) {
+    if (item.faulty("kind") || item.faulty("parameters")) continue;
+    const std::string kind = item.text("kind");
+    if (kind != CommandDelay::kKind && kind != MocapLatency::kKind) continue;
+    const ConfigMap parameters = item.map("parameters");
+    if (parameters.number("delay_s") < 0.0)
+      parameters.fault("delay_s", "must not be negative in a scenario: a simulation knows no future");
+  }
+}
+
 }  // namespace
 
 std::vector<SetPoint> read_set_points(const ConfigMap& root, double latest_s) {
@@ -63,18 +75,24 @@ Scenario load_scenario(const std::string& path) {
       root.faulty("duration_s") ? std::numeric_limits<double>::infinity() : scenario.duration_s;
   scenario.set_points = read_set_points(root, latest_s);
   scenario.mocap = read_mocap(root.map("mocap"));
-  scenario.effects = read_effects(root);
 
-  std::vector<ConfigFault> faults;
-  const auto collect = [&faults](const auto& read) {
+  const auto faults_of = [](const auto& read) {
     try {
       read();
     } catch (const ConfigError& error) {
-      faults.insert(faults.end(), error.faults().begin(), error.faults().end());
+      return error.faults();
     }
+    return std::vector<ConfigFault>{};
   };
-  collect([&] { file.check(); });
-  if (!root.faulty("vehicle")) collect([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
+  std::vector<ConfigFault> vehicle_faults;
+  if (!root.faulty("vehicle"))
+    vehicle_faults = faults_of([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
+  const bool vehicle_known = !root.faulty("vehicle") && vehicle_faults.empty();
+  scenario.effects = read_effects(root, vehicle_known ? &scenario.vehicle : nullptr);
+  check_causality(root);
+
+  std::vector<ConfigFault> faults = faults_of([&] { file.check(); });
+  faults.insert(faults.end(), vehicle_faults.begin(), vehicle_faults.end());
   if (!faults.empty()) throw ConfigError(faults);
   return scenario;
 }

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <set>
 #include <sstream>
 
@@ -58,6 +60,17 @@ std::string Bounds::text() const {
   if (above) return "must be <= " + format_number(max);
   return "must be a finite number";
 }
+
+namespace {
+
+// `path` as written in the file `in`.
+std::string resolved(const std::string& in, const std::string& path) {
+  const std::filesystem::path given(path);
+  if (given.is_absolute()) return path;
+  return (std::filesystem::path(in).parent_path() / given).lexically_normal().string();
+}
+
+}  // namespace
 
 struct ConfigFile::Impl {
   std::string path;
@@ -166,11 +179,7 @@ ConfigFile ConfigFile::from_text(const std::string& text, const std::string& nam
 
 const std::string& ConfigFile::path() const { return impl_->path; }
 
-std::string ConfigFile::resolve(const std::string& path) const {
-  const std::filesystem::path given(path);
-  if (given.is_absolute()) return path;
-  return (std::filesystem::path(impl_->path).parent_path() / given).lexically_normal().string();
-}
+std::string ConfigFile::resolve(const std::string& path) const { return resolved(impl_->path, path); }
 
 ConfigMap ConfigFile::root() const {
   if (!impl_->maps.empty()) return ConfigMap(impl_->maps.front());
@@ -348,6 +357,41 @@ std::vector<std::vector<double>> ConfigMap::rows(const std::string& key, Bounds 
                     "must be as long as the first row (" + std::to_string(rows.front().size()) + ")");
     }
   }
+  for (auto& row : rows) row.resize(rows.front().size(), 0.0);
+  return rows;
+}
+
+std::vector<std::vector<double>> ConfigMap::rows_file(const std::string& key, Bounds bounds) const {
+  std::vector<std::vector<double>> rows;
+  const std::string name = text(key);
+  if (faulty(key)) return rows;
+  const std::string path = resolved(impl_->file.lock()->path, name);
+  std::ifstream in(path);
+  if (!in) {
+    fault(key, "cannot be read: " + path);
+    return rows;
+  }
+  const auto report = [&](int line, const std::string& rule) {
+    impl_->file.lock()->faults.push_back({path, line, impl_->key_path(key), rule});
+  };
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    std::istringstream words(line.substr(0, line.find('#')));
+    std::vector<double> row;
+    for (std::string word; words >> word;) {
+      char* end = nullptr;
+      row.push_back(std::strtod(word.c_str(), &end));
+      if (*end != '\0')
+        report(number, "must be numbers, not " + word);
+      else if (!bounds.contains(row.back()))
+        report(number, bounds.text() + ", is " + format_number(row.back()));
+    }
+    if (row.empty()) continue;
+    if (!rows.empty() && row.size() != rows.front().size())
+      report(number, "must be as long as the first row (" + std::to_string(rows.front().size()) + ")");
+    rows.push_back(std::move(row));
+  }
+  if (rows.empty()) report(0, "must hold at least one row of numbers");
   for (auto& row : rows) row.resize(rows.front().size(), 0.0);
   return rows;
 }

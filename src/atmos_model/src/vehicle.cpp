@@ -51,6 +51,8 @@ Vehicle read_vehicle(const ConfigMap& root) {
     vehicle.thrusters.push_back(read_thruster(thruster));
   if (map.has("thrusters") && vehicle.thrusters.empty())
     map.fault("thrusters", "must name at least one thruster");
+  if (vehicle.thrusters.size() > static_cast<std::size_t>(kMaxThrusters))
+    map.fault("thrusters", "must not name more than " + std::to_string(kMaxThrusters) + " thrusters");
 
   vehicle.bearings_m = default_bearings();
   if (map.has("bearings_m")) {

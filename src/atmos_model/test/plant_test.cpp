@@ -66,14 +66,10 @@ TEST(Plant, FloorTiltTurnsARobotWhoseBearingsAreNotCentredOnItsMass) {
   state.yaw = M_PI / 2;
   EXPECT_NEAR(plant.wrench<double>(kStart, state, plant.initial_hidden(), open({})).torque, -0.02 * force,
               1e-12);
-  // The same through the properties: the effect itself takes levers from the centre of mass.
-  PlantProperties properties = Plant(nominal_vehicle(), {}, kStart).properties();
-  properties.com_B = -shift;
-  const VecX<double> openings = open({});
-  const Instant<double> now{kStart, 0.0, properties, state, openings.data(), 0.0, 16.8, 0.0};
-  PlanarWrench<double> pull;
-  FloorTilt{{}, 0.002, 0.0}.force(now, static_cast<const double*>(nullptr), pull);
-  EXPECT_NEAR(pull.torque, -0.02 * force, 1e-12);
+  // The same with the centre of mass moved instead.
+  const Plant moved(nominal_vehicle(), {ComOffset{{}, -0.02, -0.01}, FloorTilt{{}, 0.002, 0.0}}, kStart);
+  EXPECT_NEAR(moved.wrench<double>(kStart, state, moved.initial_hidden(), open({})).torque, -0.02 * force,
+              1e-12);
 }
 
 TEST(Plant, EffectsComposeInTableOrder) {

@@ -4,6 +4,7 @@
 // scalar so that simulator, predictor and controller run the very same law.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <string>
 #include <vector>
@@ -52,8 +53,9 @@ struct ParameterInfo {
 
 // Parameters that several effects share.
 inline ParameterInfo thruster_number() {
-  return {"thruster", "1", Bounds::between(1, 64), "number in the vehicle file, from 1"};
+  return {"thruster", "1", Bounds::between(1, kMaxThrusters), "number in the vehicle file, from 1"};
 }
+inline Bounds ros_time() { return Bounds::between(0.0, 1e10); }
 inline ParameterInfo grid_origin() {
   return {"origin_m", "m", Bounds::between(-50.0, 50.0), "world place of node (0, 0)"};
 }
@@ -75,10 +77,12 @@ struct Instant {
   double since_start_s;  // t - t0
   const PlantProperties& plant;
   const PlanarState<S>& state;
-  const S* openings;  // one per thruster, in [0, 1] (propellers: [-1, 1])
-  S open_count;       // n
-  S mass;             // M, kg, with what has flowed out
-  S gas_used;         // g, kg
+  Eigen::Matrix<S, 2, 2> R_WB;  // body to world, of the state's yaw
+  const S* openings;            // one per thruster, in [0, 1] (propellers: [-1, 1])
+  S open_count;                 // n
+  S mass;                       // kg, what the wrench accelerates: M less gas used and what sloshes
+  S weight_mass;                // kg, what rests on the bearings: the same with what sloshes
+  S gas_used;                   // g, kg
 };
 
 // Thrust while it is being worked out: force_i = supply * (own_i + leak_i).
@@ -102,16 +106,16 @@ struct EffectHooks {
   // thrust_rise: what takes the place of the openings. `rising` holds a copy of the openings on entry.
   template <class S>
   void rise(const S* /*hidden*/, S* /*rising*/, int /*count*/) const {}
+  // What has left, or moves by itself. Only the latter still rests on the bearings.
   template <class S>
-  void mass(const Instant<S>&, S& /*mass*/) const {}
+  void mass(const Instant<S>&, S& /*mass*/, S& /*weight_mass*/) const {}
   template <class S>
   void thrust(const Instant<S>&, const S* /*hidden*/, ThrustStage<S>&) const {}
   // Adds external forces.
   template <class S>
   void force(const Instant<S>&, const S* /*hidden*/, PlanarWrench<S>&) const {}
   // Adds to the slope of the floor [m/m, world axes] at a place; the plant turns slopes into forces at the
-  // bearings. An effect that has this hook sets kIsFloor.
-  static constexpr bool kIsFloor = false;
+  // bearings.
   template <class S>
   void slope(const Vec2<S>& /*p_W*/, Vec2<S>& /*slope_W*/) const {}
   // Time derivatives of the hidden states, given the body's acceleration. `commanded`: openings before
@@ -119,24 +123,30 @@ struct EffectHooks {
   template <class S, class SlopeAt>
   void hidden_rate(const Instant<S>&, const S* /*commanded*/, const PlanarAcceleration<S>&,
                    const SlopeAt& /*slope_at*/, const S* /*hidden*/, S* /*rate*/) const {}
-  // The shortest time in which a hidden state of this effect changes much, s: integrators step no further.
+  // The shortest time in which this effect changes a state much, s: integrators step no further.
   double time_scale() const { return std::numeric_limits<double>::infinity(); }
   // Instants at which this effect's force jumps (start and end of a pulse), so that integrators stop there.
   void edges(std::vector<double>& /*times*/) const {}
 };
 
+// Below this speed the friction of a bearing falls smoothly to 0, m/s.
+inline constexpr double kSmoothSpeed = 2e-3;
+
+// Time in which friction of all bearings stops a robot slower than kSmoothSpeed, s; twice as fast about yaw.
+inline double friction_time_scale(double coefficient) {
+  return 0.5 * kSmoothSpeed / (std::max(coefficient, 1e-6) * kGravity);
+}
+
 // Friction of the bearings for which rubs(p_W) is true: `coefficient` times their share of the weight,
-// against the velocity of each. Below 2 mm/s the force falls smoothly to 0.
+// against the velocity of each.
 template <class S, class Rubs>
 void add_bearing_friction(const Instant<S>& now, double coefficient, const Rubs& rubs,
                           PlanarWrench<S>& wrench) {
-  constexpr double kSmoothSpeed = 2e-3;  // m/s
   using std::sqrt;
-  const Eigen::Matrix<S, 2, 2> R_WB = rotation_WB(now.state.yaw);
-  const S normal = now.mass * (kGravity / static_cast<double>(now.plant.bearings_m.size()));
+  const S normal = now.weight_mass * (kGravity / static_cast<double>(now.plant.bearings_m.size()));
   for (const Eigen::Vector2d& bearing : now.plant.bearings_m) {
     const Eigen::Vector2d from_com_B = bearing - now.plant.com_B;
-    const Vec2<S> r_W = R_WB * from_com_B.cast<S>();
+    const Vec2<S> r_W = now.R_WB * from_com_B.cast<S>();
     if (!rubs(Vec2<S>(now.state.p_WC + r_W))) continue;
     const Vec2<S> v_W = point_velocity<S>(now.state.v_WC, now.state.yaw_rate, r_W);
     const S speed = sqrt(v_W.squaredNorm() + kSmoothSpeed * kSmoothSpeed);

@@ -59,11 +59,16 @@ const std::vector<EffectInfo>& registered_effects();
 // "supply_coupling".
 std::string kind_of(const Effect& effect);
 
-// Reads `effects:` of an open scenario or model file (absent: none); faults are recorded in the file. The
-// result is in table order. A kind may stand more than once only where it names a thruster or a place.
-std::vector<Effect> read_effects(const ConfigMap& root);
-// Reads a model.yaml. Throws ConfigError with every fault.
-std::vector<Effect> load_model(const std::string& path);
+// Why an effect cannot act on a vehicle (a thruster it does not have, more sloshing mass than there is), as a
+// rule; empty when it can.
+std::string misfit(const Effect& effect, const Vehicle& vehicle);
+
+// Reads `effects:` of an open scenario or model file (absent: none) for a vehicle; faults are recorded in the
+// file. Without a vehicle, what depends on it is left to the Plant. The result is in table order. A kind may
+// stand more than once only where it names a thruster, each time another one, or a place.
+std::vector<Effect> read_effects(const ConfigMap& root, const Vehicle* vehicle);
+// Reads a model.yaml for a vehicle. Throws ConfigError with every fault.
+std::vector<Effect> load_model(const std::string& path, const Vehicle& vehicle);
 // The text of a model.yaml that load_model reads back to the same effects.
 std::string write_model(const std::vector<Effect>& effects);
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <map>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,10 +17,11 @@ class Expression {
   static constexpr std::size_t kMaxDepth = 32;
 
   // The formula "0".
-  Expression() : Expression("0", {}) {}
-  // `names`: allowed variables; their order is that of the values given to evaluate(). Throws
-  // std::invalid_argument with the position and what was expected.
-  Expression(const std::string& text, const std::vector<std::string>& names);
+  Expression() : Expression("0", {}, {}) {}
+  // `variables`: allowed names; their order is that of the values given to evaluate(). `constants`: further
+  // names, which must be new ones. Throws std::invalid_argument with the place and what was expected there.
+  Expression(const std::string& text, const std::vector<std::string>& variables,
+             const std::map<std::string, double>& constants);
 
   const std::string& text() const { return text_; }
 

@@ -34,7 +34,7 @@ template <class S>
 GridPlace<S> locate(const S& x, double origin, double spacing, int nodes) {
   const S u = (x - origin) / spacing;
   const double value = plain_value(u), last = nodes - 1;
-  if (value <= 0.0 || nodes < 2) return {0, S(0), true};
+  if (!(value > 0.0) || nodes < 2) return {0, S(0), true};
   if (value >= last) return {nodes - 2, S(1), true};
   const int cell = std::min(static_cast<int>(value), nodes - 2);
   return {cell, u - static_cast<double>(cell), false};

@@ -95,6 +95,9 @@ class ConfigMap {
   std::vector<std::string> texts(const std::string& key) const;
   // A list of equally long rows of numbers.
   std::vector<std::vector<double>> rows(const std::string& key, Bounds bounds = {}) const;
+  // The same out of the text file that `key` names, relative to this file: numbers separated by blanks, one
+  // row a line, `#` starts a comment. Its faults name it and its lines.
+  std::vector<std::vector<double>> rows_file(const std::string& key, Bounds bounds = {}) const;
   Eigen::Vector2d vector2(const std::string& key, Bounds bounds = {}) const;
   Eigen::Vector3d vector3(const std::string& key, Bounds bounds = {}) const;
 

@@ -10,6 +10,9 @@
 
 namespace atmos {
 
+// Most thrusters a vehicle may have: lets the force law work without allocating.
+inline constexpr int kMaxThrusters = 32;
+
 inline constexpr double kGravity = 9.81;  // m/s^2, as in every equation of docs/effects.md
 
 struct Thruster {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <memory>
 
 #include "atmos_model/plant.h"
@@ -22,7 +23,10 @@ class Simulation {
   Simulation& operator=(Simulation&&) noexcept;
 
   // Hands a command to the valves at the present time; a late one acts only for the rest of its period.
-  ValveSchedule::Taken command(const ThrusterCommand& command) { return valves_.add(command, time_s_); }
+  ValveSchedule::Taken command(const ThrusterCommand& command) {
+    valve_edge_s_ = -std::numeric_limits<double>::infinity();
+    return valves_.add(command, time_s_);
+  }
   // Moves on to `until_s` in steps of at most the scenario's step_s, split exactly where a valve moves or a
   // force jumps. Does nothing when `until_s` has passed. Throws std::runtime_error when ODE reports a fault.
   void advance_to(double until_s);
@@ -58,6 +62,10 @@ class Simulation {
   double time_s_;
   PlanarState<double> body_;
   VecX<double> hidden_;
+  // Openings until the next valve edge; storage of a step, kept to allocate nothing.
+  double valve_edge_s_ = -std::numeric_limits<double>::infinity();
+  VecX<double> openings_, hidden_stage_;
+  PlantRate<double> rate_[2];
   std::unique_ptr<OdeBody> ode_;
   std::deque<Past> past_;  // covers the mocap latency
   std::uint64_t steps_ = 0;

@@ -18,6 +18,8 @@ struct CoulombFriction : EffectHooks {
           self.coefficient);
   }
 
+  double time_scale() const { return friction_time_scale(coefficient); }
+
   template <class S>
   void force(const Instant<S>& now, const S*, PlanarWrench<S>& wrench) const {
     add_bearing_friction(

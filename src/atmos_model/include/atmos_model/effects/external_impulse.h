@@ -15,7 +15,7 @@ struct ExternalImpulse : EffectHooks {
 
   template <class Self, class Visitor>
   static void parameters(Self& self, Visitor&& visit) {
-    visit(ParameterInfo{"events", "N s, N m s", Bounds::any(),
+    visit(ParameterInfo{"events", "N s, N m s", Bounds::between(-1000.0, 1000.0),
                         "time_s (ROS time), impulse_x_n_s, impulse_y_n_s (world), impulse_yaw_n_m_s"},
           self.events);
   }

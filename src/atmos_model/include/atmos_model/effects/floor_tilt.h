@@ -6,7 +6,6 @@ namespace atmos {
 
 // The floor is a tilted plane: each bearing is pushed down the slope by its share of the weight.
 struct FloorTilt : EffectHooks {
-  static constexpr bool kIsFloor = true;
   static constexpr const char* kKind = "floor_tilt";
   static constexpr const char* kEquation =
       "-(M g / 3) slope at each bearing; positive slope_x: the floor rises along world +x";

@@ -7,7 +7,6 @@ namespace atmos {
 
 // The floor's height on a grid: each bearing is pushed down the local slope by its share of the weight.
 struct FloorUnevenness : EffectHooks {
-  static constexpr bool kIsFloor = true;
   static constexpr const char* kKind = "floor_unevenness";
   static constexpr const char* kEquation =
       "-(M g / 3) grad h at each bearing's place; h bicubic between nodes, clamped outside";

@@ -6,7 +6,6 @@ namespace atmos {
 
 // The floor shakes: a sinusoidal force along one direction of the world; its phase belongs to one recording.
 struct FloorVibration : EffectHooks {
-  static constexpr bool kRepeatable = true;
   static constexpr const char* kKind = "floor_vibration";
   static constexpr const char* kEquation =
       "amplitude_n sin(2 pi frequency_hz (t - t0) + phase_rad) along direction_rad in the world";

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "atmos_model/effect.h"
 
 namespace atmos {
@@ -24,6 +26,9 @@ struct FrictionPatch : EffectHooks {
     visit(ParameterInfo{"center_y_m", "m", Bounds::between(-50.0, 50.0), "world y"}, self.center_y_m);
     visit(ParameterInfo{"radius_m", "m", Bounds::between(0.01, 20.0), ""}, self.radius_m);
   }
+
+  // The edge is sharp: a long step across it would take the whole of it for rough or for smooth.
+  double time_scale() const { return std::min(4e-3, friction_time_scale(coefficient)); }
 
   template <class S>
   void force(const Instant<S>& now, const S*, PlanarWrench<S>& wrench) const {

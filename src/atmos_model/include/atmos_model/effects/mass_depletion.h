@@ -21,8 +21,9 @@ struct MassDepletion : EffectHooks {
   void alter(PlantProperties& plant) const { plant.gas_kg_per_open_second = kg_per_open_second; }
 
   template <class S>
-  void mass(const Instant<S>& now, S& mass) const {
+  void mass(const Instant<S>& now, S& mass, S& weight_mass) const {
     mass -= now.gas_used;
+    weight_mass -= now.gas_used;
   }
 };
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "atmos_model/effect.h"
-#include "atmos_model/vehicle.h"
 
 namespace atmos {
 
@@ -38,7 +37,7 @@ struct Slosh : EffectHooks {
   double time_scale() const { return 1.0 / (2.0 * M_PI * frequency_hz); }
 
   template <class S>
-  void mass(const Instant<S>&, S& mass) const {
+  void mass(const Instant<S>&, S& mass, S& /*weight_mass*/) const {
     mass -= S(mass_kg);
   }
 
@@ -71,7 +70,7 @@ struct Slosh : EffectHooks {
   template <class S>
   Vec2<S> arm_W(const Instant<S>& now) const {
     const Eigen::Vector2d arm_B = Eigen::Vector2d(x_m, y_m) - now.plant.com_B;
-    return rotation_WB(now.state.yaw) * arm_B.cast<S>();
+    return now.R_WB * arm_B.cast<S>();
   }
 };
 

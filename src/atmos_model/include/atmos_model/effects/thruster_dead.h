@@ -18,8 +18,7 @@ struct ThrusterDead : EffectHooks {
   template <class Self, class Visitor>
   static void parameters(Self& self, Visitor&& visit) {
     visit(thruster_number(), self.thruster);
-    visit(ParameterInfo{"since_s", "s", Bounds::non_negative(), "ROS time of the failure; 0: always"},
-          self.since_s);
+    visit(ParameterInfo{"since_s", "s", ros_time(), "ROS time of the failure; 0: always"}, self.since_s);
   }
 
   void alter(PlantProperties& plant) const {

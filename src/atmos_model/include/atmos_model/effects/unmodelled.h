@@ -29,35 +29,35 @@ struct Unmodelled : EffectHooks {
     visit(ParameterInfo{"force_x_n", "N", Bounds::any(), "formula, along world x"}, self.force_x_n);
     visit(ParameterInfo{"force_y_n", "N", Bounds::any(), "formula, along world y"}, self.force_y_n);
     visit(ParameterInfo{"torque_n_m", "N m", Bounds::any(), "formula"}, self.torque_n_m);
-    visit(ParameterInfo{"coefficients", "as stated", Bounds::any(), "name: {value, unit}"},
+    visit(ParameterInfo{"coefficients", "as stated", Bounds::between(-1e6, 1e6), "name: {value, unit}"},
           self.coefficients);
   }
 
-  // What the formulas may name, in the order of their values.
-  std::vector<std::string> names(std::size_t thrusters) const {
-    std::vector<std::string> all = {"x", "y", "yaw", "vx", "vy", "yaw_rate", "t"};
-    for (std::size_t i = 1; i <= thrusters; ++i) all.push_back("u" + std::to_string(i));
-    for (const auto& [name, coefficient] : coefficients) all.push_back(name);
-    return all;
+  // Compiles one formula for a vehicle with so many thrusters. Throws std::invalid_argument with the place
+  // and what was expected there.
+  Expression compile(const std::string& formula, std::size_t thrusters) const {
+    std::vector<std::string> variables = {"x", "y", "yaw", "vx", "vy", "yaw_rate", "t"};
+    for (std::size_t i = 1; i <= thrusters; ++i) variables.push_back("u" + std::to_string(i));
+    std::map<std::string, double> constants;
+    for (const auto& [name, coefficient] : coefficients) constants[name] = coefficient.value;
+    return Expression(formula, variables, constants);
   }
 
-  // Compiles the formulas for a vehicle with so many thrusters. Throws std::invalid_argument, naming the
-  // formula.
+  // Compiles all three.
   void prepare(std::size_t thrusters) {
-    const std::vector<std::string> known = names(thrusters);
-    force_x_ = Expression(force_x_n, known);
-    force_y_ = Expression(force_y_n, known);
-    torque_ = Expression(torque_n_m, known);
+    force_x_ = compile(force_x_n, thrusters);
+    force_y_ = compile(force_y_n, thrusters);
+    torque_ = compile(torque_n_m, thrusters);
   }
 
   template <class S>
   void force(const Instant<S>& now, const S*, PlanarWrench<S>& wrench) const {
-    std::vector<S> values = {now.state.p_WC.x(), now.state.p_WC.y(), now.state.yaw,       now.state.v_WC.x(),
-                             now.state.v_WC.y(), now.state.yaw_rate, S(now.since_start_s)};
-    values.insert(values.end(), now.openings, now.openings + now.plant.thrusters.size());
-    for (const auto& [name, coefficient] : coefficients) values.push_back(S(coefficient.value));
-    wrench.force_W += Vec2<S>(force_x_.evaluate(values.data()), force_y_.evaluate(values.data()));
-    wrench.torque += torque_.evaluate(values.data());
+    S values[7 + kMaxThrusters] = {now.state.p_WC.x(),  now.state.p_WC.y(), now.state.yaw,
+                                   now.state.v_WC.x(),  now.state.v_WC.y(), now.state.yaw_rate,
+                                   S(now.since_start_s)};
+    std::copy(now.openings, now.openings + now.plant.thrusters.size(), values + 7);
+    wrench.force_W += Vec2<S>(force_x_.evaluate(values), force_y_.evaluate(values));
+    wrench.torque += torque_.evaluate(values);
   }
 
  private:
