@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "atmos_model/plant.h"
 #include "mutations.h"
 #include "nominal.h"
 
@@ -123,6 +124,36 @@ TEST_F(ScenarioFile, FaultsOfTheVehicleAreReportedInTheSameRound) {
     ASSERT_EQ(error.faults().size(), 2u) << error.what();
     EXPECT_EQ(error.faults()[0].key, "seed");
     EXPECT_EQ(error.faults()[1].rule, "cannot be read");
+  }
+}
+
+TEST_F(ScenarioFile, EffectsMustFitTheVehicleAndCausality) {
+  const auto refuses = [this](const std::string& key, const std::string& effect) {
+    YAML::Node root = valid();
+    root["effects"] = YAML::Load("[" + effect + "]");
+    expect_refused({key, effect, root}, [this](const YAML::Node& node) { load(node); });
+  };
+  refuses("effects[0].parameters.thruster",
+          "{kind: thruster_leak, parameters: {thruster: 9, fraction: 0.1}}");
+  refuses("effects[0].parameters.delay_s", "{kind: mocap_latency, parameters: {delay_s: -0.01}}");
+  refuses("effects[0].parameters.delay_s", "{kind: command_delay, parameters: {delay_s: -0.01}}");
+  YAML::Node root = valid();
+  root["effects"] = YAML::Load("[{kind: thruster_leak, parameters: {thruster: 8, fraction: 0.1}}]");
+  EXPECT_EQ(load(root).effects.size(), 1u);
+}
+
+// The example floors reach the limit of the paper's floor, 2 mm/m, and stay within it.
+TEST(ShippedConfiguration, FloorMapsAreAsSteepAsTheyMayBe) {
+  for (const std::string name : {"typical_lab_day", "harsh"}) {
+    const Scenario scenario = load_scenario(shipped("config/scenario/" + name + ".yaml"));
+    const Plant plant(scenario.vehicle, scenario.effects, kStart);
+    double steepest = 0.0;
+    for (double x = -1.5; x < 3.0; x += 0.02) {
+      for (double y = -1.2; y < 2.4; y += 0.02)
+        steepest = std::max(steepest, plant.floor_slope<double>({x, y}).norm());
+    }
+    EXPECT_LT(steepest, 2.02e-3) << name;
+    EXPECT_GT(steepest, 1.95e-3) << name;
   }
 }
 
