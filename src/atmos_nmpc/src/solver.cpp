@@ -22,14 +22,15 @@ using Ipopt::Number;
 // Ipopt takes anything beyond this as no bound.
 constexpr double kIpoptInfinity = 2e19;
 
-// Defaults of the controller; the configuration's options come after them. mu_init suits warm starts;
-// constant derivatives of the terminal stage are not told apart, so that no *_constant option is set.
+// Defaults of the controller; the configuration's options come after them. mu_init suits warm starts, and
+// lies below tol: from a barrier parameter as large as tol the last iteration would only be spent on lowering
+// it; constant derivatives of the terminal stage are not told apart, so that no *_constant option is set.
 const std::map<std::string, std::string>& default_options() {
   static const std::map<std::string, std::string> options = {
       {"print_level", "0"},
       {"sb", "yes"},
       {"tol", "1e-4"},
-      {"mu_init", "1e-4"},
+      {"mu_init", "5e-5"},
       {"nlp_scaling_method", "none"},
       {"fast_step_computation", "yes"},
       {"warm_start_init_point", "yes"},

@@ -11,6 +11,11 @@ using namespace state13;
 // Rows of x over which the soft bounds run, block by block.
 constexpr int kBoundedBlocks[3] = {kPosition, kVelocity, kAngularVelocity};
 
+// A problem without soft bounds does not pay for their square roots.
+int bounded_blocks(const SoftBounds& bounds) {
+  return bounds.linear == 0.0 && bounds.quadratic == 0.0 ? 0 : 3;
+}
+
 const Eigen::Vector3d& limits_of(const SoftBounds& bounds, int block) {
   return block == 0 ? bounds.position : block == 1 ? bounds.velocity : bounds.rate;
 }
@@ -86,7 +91,7 @@ double TrackingCost::value(const State& x, bool terminal) const {
     const double e = 1.0 - c * c;
     sum += (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2] * e * e;
   }
-  for (int block = 0; block < 3; ++block) {
+  for (int block = 0; block < bounded_blocks(bounds_); ++block) {
     for (int i = 0; i < 3; ++i)
       sum += box_penalty(bounds_, limits_of(bounds_, block)[i], x[kBoundedBlocks[block] + i]).value;
   }
@@ -101,7 +106,7 @@ void TrackingCost::add_gradient(const State& x, bool terminal, double factor, St
     const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
     gradient.segment<4>(kQuaternion) += factor * weight * (-4.0 * c * (1.0 - c * c)) * r;
   }
-  for (int block = 0; block < 3; ++block) {
+  for (int block = 0; block < bounded_blocks(bounds_); ++block) {
     for (int i = 0; i < 3; ++i) {
       const int row = kBoundedBlocks[block] + i;
       gradient[row] += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).slope;
@@ -117,7 +122,7 @@ void TrackingCost::add_hessian(const State& x, bool terminal, double factor, Hes
     const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
     H.block<4, 4>(kQuaternion, kQuaternion) += factor * weight * (12.0 * c * c - 4.0) * r * r.transpose();
   }
-  for (int block = 0; block < 3; ++block) {
+  for (int block = 0; block < bounded_blocks(bounds_); ++block) {
     for (int i = 0; i < 3; ++i) {
       const int row = kBoundedBlocks[block] + i;
       H(row, row) += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).curvature;
