@@ -69,6 +69,8 @@ class Flight:
     solve_time: np.ndarray  # of the statuses in which the solver ran, s since start
     solve_s: np.ndarray
     deadline_misses: int
+    wrench: np.ndarray       # rows of time, force x, force y [N], torque z [N m]; no rows: not at this level
+    disturbance: np.ndarray  # rows of time, d_v x, y [m/s^2, world], d_w z [rad/s^2]; no rows: no observer
 
 
 def yaw_of(q):
@@ -112,7 +114,7 @@ def load_flight(path, robot=None):
     except (OSError, rosbag.ROSBagException) as error:
         raise ReportError(f"{path}: {error}") from error
     with bag:
-        names = ("setpoint", "sim/truth", "odometry", "thruster_command", "nmpc/status")
+        names = ("setpoint", "sim/truth", "odometry", "thruster_command", "nmpc/status", "nmpc/wrench", "disturbance")
         found = _messages_by_name(bag, names, robot or _robot_of(bag))
     for name in ("setpoint", "thruster_command"):
         if not found[name]:
@@ -137,7 +139,11 @@ def load_flight(path, robot=None):
         duty=np.array([m.duty for m in commands]),
         solve_time=np.array([m.header.stamp.to_sec() - start for m in solved]),
         solve_s=np.array([m.solve_time for m in solved]),
-        deadline_misses=max((m.deadline_misses for m in found["nmpc/status"]), default=0))
+        deadline_misses=max((m.deadline_misses for m in found["nmpc/status"]), default=0),
+        wrench=np.array([(m.header.stamp.to_sec() - start, m.wrench.force.x, m.wrench.force.y, m.wrench.torque.z)
+                         for m in found["nmpc/wrench"]]).reshape(-1, 4),
+        disturbance=np.array([(m.header.stamp.to_sec() - start, m.linear_acceleration.x, m.linear_acceleration.y,
+                               m.angular_acceleration.z) for m in found["disturbance"]]).reshape(-1, 4))
 
 
 def windows(flight):
@@ -302,6 +308,32 @@ def draw_inputs(flight):
     return figure
 
 
+def _draw_axes(flight, rows, labels, title):
+    """Three quantities over time, one below the other; `rows` as Flight.wrench."""
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(3, 1, figsize=(11, 5.4), sharex=True, constrained_layout=True)
+        for panel, values, label in zip(axes, rows.T[1:], labels):
+            panel.step(rows[:, 0], values, where="post", color=BLUE, linewidth=1.1)
+            panel.axhline(0.0, color=GREY, linewidth=0.8)
+            panel.set_ylabel(label)
+            _mark_steps(panel, flight)
+        axes[0].set_title(title, loc="left")
+        axes[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
+    return figure
+
+
+def draw_wrench(flight):
+    """Body force and torque asked of the flight controller."""
+    return _draw_axes(flight, flight.wrench, ("$f_x$ [N]", "$f_y$ [N]", r"$\tau_z$ [N m]"), "body wrench asked for")
+
+
+def draw_disturbance(flight):
+    """Disturbances that the observer estimates."""
+    return _draw_axes(flight, flight.disturbance,
+                      ("$d_{v,x}$ [m/s²]", "$d_{v,y}$ [m/s²]", r"$d_{\omega,z}$ [rad/s²]"), "estimated disturbance")
+
+
 def draw_solve_times(flight):
     """Solve time of each period and its distribution, with the period as the deadline."""
     ms = 1e3 * flight.solve_s
@@ -351,7 +383,11 @@ def draw_plan_view(flight):
     return figure
 
 
-FIGURES = {"states": draw_states, "inputs": draw_inputs, "solve_times": draw_solve_times, "plan_view": draw_plan_view}
+FIGURES = {"states": draw_states, "inputs": draw_inputs, "wrench": draw_wrench, "disturbance": draw_disturbance,
+           "solve_times": draw_solve_times, "plan_view": draw_plan_view}
+# What a flight must have recorded for a figure that not every flight has.
+NEEDED = {"wrench": lambda flight: flight.wrench, "disturbance": lambda flight: flight.disturbance,
+          "solve_times": lambda flight: flight.solve_s}
 
 
 def write_figures(flight, folder):
@@ -359,7 +395,7 @@ def write_figures(flight, folder):
     os.makedirs(folder, exist_ok=True)
     paths = []
     for name, draw in FIGURES.items():
-        if name == "solve_times" and flight.solve_s.size == 0:
+        if name in NEEDED and NEEDED[name](flight).size == 0:
             continue
         figure = draw(flight)
         paths.append(os.path.join(folder, name + ".png"))

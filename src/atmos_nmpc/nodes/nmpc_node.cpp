@@ -1,9 +1,11 @@
-// Odometry and set-points in, thruster commands out: messages and threads around atmos::Controller.
+// Odometry and set-points in, commands out: messages and threads around atmos::Controller.
+#include <atmos_msgs/Disturbance.h>
 #include <atmos_msgs/MocapStatus.h>
 #include <atmos_msgs/NmpcStatus.h>
 #include <atmos_msgs/ThrusterCommand.h>
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
 #include <ros/ros.h>
@@ -34,7 +36,10 @@ class NmpcNode {
     robot.erase(0, robot.find_first_not_of('/'));
     base_frame_ = base_frame(robot);
 
+    // Every level is there whatever the formulation, so that nothing but the controller file depends on it.
     thrusters_pub_ = node_.advertise<atmos_msgs::ThrusterCommand>("nmpc/thrusters", 10);
+    wrench_pub_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", 10);
+    disturbance_pub_ = node_.advertise<atmos_msgs::Disturbance>("disturbance", 10);
     status_pub_ = node_.advertise<atmos_msgs::NmpcStatus>("nmpc/status", 10);
     path_pub_ = node_.advertise<nav_msgs::Path>("nmpc/predicted_path", 1);
     const ros::TransportHints no_delay = ros::TransportHints().tcpNoDelay();
@@ -109,13 +114,9 @@ class NmpcNode {
   void publish(const std::optional<ControlDecision>& decision, double event_stamp_s, double begin) {
     if (!decision) return;
     const ros::Time stamp(decision->command.stamp_s);
-    atmos_msgs::ThrusterCommand command;
-    command.header.stamp = stamp;
-    command.header.frame_id = base_frame_;
-    command.period = decision->command.period_s;
-    command.duty = decision->command.duty;
-    thrusters_pub_.publish(command);
+    publish_command(*decision, stamp);
     publish_status(*decision, stamp, event_stamp_s, begin);
+    if (decision->disturbance) publish_disturbance(*decision->disturbance, stamp);
     if (decision->path.empty() || path_pub_.getNumSubscribers() == 0) return;
 
     nav_msgs::Path path;
@@ -137,6 +138,43 @@ class NmpcNode {
       path.poses.push_back(pose);
     }
     path_pub_.publish(path);
+  }
+
+  void publish_command(const ControlDecision& decision, const ros::Time& stamp) {
+    // Closed valves are a thruster command at every level.
+    const bool closed = decision.mode == ControlMode::kClosed || decision.mode == ControlMode::kWaiting;
+    if (closed || controller_.level() == CommandLevel::kThrusters) {
+      atmos_msgs::ThrusterCommand command;
+      command.header.stamp = stamp;
+      command.header.frame_id = base_frame_;
+      command.period = decision.command.period_s;
+      command.duty = decision.command.duty;
+      thrusters_pub_.publish(command);
+    } else {
+      geometry_msgs::WrenchStamped command;
+      command.header.stamp = stamp;
+      command.header.frame_id = base_frame_;
+      command.wrench.force.x = decision.wrench[0];
+      command.wrench.force.y = decision.wrench[1];
+      command.wrench.torque.z = decision.wrench[2];
+      wrench_pub_.publish(command);
+    }
+  }
+
+  void publish_disturbance(const DisturbanceEstimate& estimate, const ros::Time& stamp) {
+    atmos_msgs::Disturbance message;
+    message.header.stamp = stamp;
+    message.header.frame_id = kWorldFrame;
+    const auto to_message = [](const Vec3<double>& v, geometry_msgs::Vector3& out) {
+      out.x = v[0];
+      out.y = v[1];
+      out.z = v[2];
+    };
+    to_message(estimate.mean.acceleration_W, message.linear_acceleration);
+    to_message(estimate.mean.angular_acceleration_B, message.angular_acceleration);
+    for (int i = 0; i < 36; ++i)
+      message.covariance[static_cast<std::size_t>(i)] = estimate.covariance(i / 6, i % 6);
+    disturbance_pub_.publish(message);
   }
 
   void publish_status(const ControlDecision& decision, const ros::Time& stamp, double event_stamp_s,
@@ -203,7 +241,7 @@ class NmpcNode {
     return status;
   }();
   diagnostic_updater::Updater diagnostics_;
-  ros::Publisher thrusters_pub_, status_pub_, path_pub_;
+  ros::Publisher thrusters_pub_, wrench_pub_, disturbance_pub_, status_pub_, path_pub_;
   ros::Subscriber odometry_sub_, mocap_status_sub_, set_point_sub_;
   ros::SteadyTimer diagnostics_timer_, watchdog_;
 };

@@ -4,8 +4,11 @@
 #include <stdexcept>
 
 #include "atmos_model/allocation.h"
+#include "atmos_model/allocator.h"
 #include "atmos_model/strict_yaml.h"
 #include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/terminal_weight.h"
+#include "atmos_nmpc/wrench.h"
 
 namespace atmos {
 
@@ -61,6 +64,29 @@ LossLimits read_limits(const ConfigMap& map) {
   return limits;
 }
 
+ObserverConfig read_observer(const ConfigMap& map) {
+  ObserverConfig observer;
+  observer.position_noise_m = map.number("position_noise_m", Bounds::positive());
+  observer.attitude_noise_rad = map.number("attitude_noise_rad", Bounds::positive());
+  observer.acceleration_m_s2 = map.number("acceleration_m_s2", Bounds::positive());
+  observer.angular_acceleration_rad_s2 = map.number("angular_acceleration_rad_s2", Bounds::positive());
+  observer.thrust_error = map.number("thrust_error", Bounds::non_negative());
+  observer.disturbance_drift_m_s2 = map.number("disturbance_drift_m_s2", Bounds::positive());
+  observer.disturbance_drift_rad_s2 = map.number("disturbance_drift_rad_s2", Bounds::positive());
+  observer.initial_disturbance_m_s2 = map.number("initial_disturbance_m_s2", Bounds::positive());
+  observer.initial_disturbance_rad_s2 = map.number("initial_disturbance_rad_s2", Bounds::positive());
+  observer.initial_velocity_m_s = map.number("initial_velocity_m_s", Bounds::positive());
+  observer.initial_rate_rad_s = map.number("initial_rate_rad_s", Bounds::positive());
+  observer.nis_gate = map.number("nis_gate", Bounds::positive());
+  observer.reset_after = map.integer("reset_after", 1, 1000);
+  return observer;
+}
+
+template <class Problem>
+void check_terminal_weight(const Problem& problem, const ControllerConfig& config) {
+  planar_terminal_weight(problem.dynamics(), config.weights, problem.input_weight(), 0.0);
+}
+
 }  // namespace
 
 ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle) {
@@ -68,8 +94,9 @@ ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle
   const ConfigMap map = file.root().map("controller");
   const double period_s = vehicle.pwm.period_s;
 
-  ControllerConfig config;
-  map.choice("formulation", {"direct_allocation"});
+  ControllerConfig config{};
+  const bool wrench = map.choice("formulation", {"direct_allocation", "wrench"}) == "wrench";
+  config.formulation = wrench ? FormulationKind::kWrench : FormulationKind::kDirectAllocation;
   config.attitude_error = map.choice("attitude_error", {"vector", "paper"}, "vector") == "paper"
                               ? AttitudeError::kPaper
                               : AttitudeError::kVector;
@@ -84,7 +111,14 @@ ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle
   const ConfigMap weights = map.map("weights");
   config.weights = read_weights(weights);
   config.force_weight = weights.number("force", Bounds::positive());
-  config.pair_force_n = map.map("inputs").number("pair_force_n", Bounds::positive());
+  const ConfigMap inputs = map.map("inputs");
+  if (wrench) {
+    config.torque_weight = weights.number("torque", Bounds::positive());
+    config.force_n = inputs.number("force_n", Bounds::positive());
+    config.torque_n_m = inputs.number("torque_n_m", Bounds::positive());
+  } else {
+    config.pair_force_n = inputs.number("pair_force_n", Bounds::positive());
+  }
   config.bounds = read_bounds(map.map("soft_bounds"));
 
   const ConfigMap solver = map.map("solver");
@@ -93,18 +127,24 @@ ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle
 
   config.lead_s = map.map("timing").number("lead_s", Bounds::between(0.0, period_s));
   config.limits = read_limits(map.map("limits"));
+  if (const std::optional<ConfigMap> observer = map.optional_map("observer"))
+    config.observer = read_observer(*observer);
 
   try {
-    if (thruster_pairs(vehicle).size() != 4)
+    if (!wrench && thruster_pairs(vehicle).size() != 4)
       map.fault("formulation", "direct_allocation needs a vehicle of four thruster pairs");
+    if (wrench) Allocator{vehicle};
   } catch (const std::invalid_argument& error) {
-    map.fault("formulation", std::string("direct_allocation needs thruster pairs: ") + error.what());
+    map.fault("formulation", error.what());
   }
   file.check();
   if (config.attitude_error == AttitudeError::kVector) {
     try {
-      planar_terminal_weight(make_direct_allocation(vehicle, config).dynamics(), config.weights,
-                             config.force_weight, 0.0);
+      if (wrench) {
+        check_terminal_weight(make_wrench(vehicle, config), config);
+      } else {
+        check_terminal_weight(make_direct_allocation(vehicle, config), config);
+      }
     } catch (const std::invalid_argument& error) {
       weights.fault(error.what());
       file.check();

@@ -1,6 +1,5 @@
 #include "atmos_nmpc/controller.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -16,23 +15,25 @@ using namespace state13;
 constexpr double kStampTolerance = 1e-3;      // s; the grid's own (docs/conventions.md)
 constexpr double kFutureTolerance = 1.0;      // s; a stamp further ahead would block all that follow
 constexpr double kQuaternionTolerance = 0.1;  // of the norm; further off it is no attitude
-constexpr double kColdStartMu = 1e-4;         // barrier parameter of a cold start, as mu_init
 constexpr double kActiveTolerance = 1e-4;     // N, m, m/s, rad/s (NmpcStatus.active_constraints)
-
-SolverOptions solver_options(const ControllerConfig& config, bool lockstep) {
-  SolverOptions options = config.solver;
-  if (lockstep) options.time_limit_s.reset();
-  return options;
-}
 
 bool is_attitude(const Quaternion4<double>& q) { return std::abs(q.norm() - 1.0) < kQuaternionTolerance; }
 
-Eigen::Matrix<double, 4, 3> pair_forces_of_wrench(const Vehicle& vehicle,
-                                                  const std::vector<ThrusterPair>& pairs) {
-  const AllocationMatrices matrices = pair_matrices(vehicle, pairs);
-  Eigen::Matrix<double, 3, 4> effect;
-  effect << matrices.D.topRows<2>(), matrices.L.row(2);
-  return effect.completeOrthogonalDecomposition().pseudoInverse();
+// What keeps the sampled velocity of a robot at rest on average from zero: its pulses stand at the start of
+// the period, so that at a sample it has just been pushed back (docs/offset_free.md). World velocity and body
+// rate of a robot with attitude q_WB whose valves repeat `duty`.
+Eigen::Matrix<double, 6, 1> pulse_velocity(const Vehicle& vehicle, const AllocationMatrices& thrusters,
+                                           const std::vector<double>& duty, const Quaternion4<double>& q_WB) {
+  Eigen::VectorXd impulse(thrusters.D.cols());
+  for (Eigen::Index i = 0; i < impulse.size(); ++i) {
+    const double share = duty[static_cast<std::size_t>(i)];
+    impulse[i] = -0.5 * vehicle.pwm.period_s * share * (1.0 - share) *
+                 vehicle.thrusters[static_cast<std::size_t>(i)].force_n;
+  }
+  Eigen::Matrix<double, 6, 1> velocity;
+  velocity << rotate<double>(q_WB, thrusters.D * impulse) / vehicle.mass_kg,
+      (thrusters.L * impulse).cwiseQuotient(vehicle.inertia_kg_m2);
+  return velocity;
 }
 
 }  // namespace
@@ -41,12 +42,11 @@ Controller::Controller(const Vehicle& vehicle, const ControllerConfig& config, b
                        Stopwatch stopwatch)
     : vehicle_(vehicle),
       config_(config),
-      pairs_(thruster_pairs(vehicle)),
       thrusters_(thruster_matrices(vehicle)),
-      wrench_to_pairs_(pair_forces_of_wrench(vehicle, pairs_)),
-      problem_(make_direct_allocation(vehicle, config)),
-      solver_(problem_, solver_options(config, lockstep), std::move(stopwatch)),
+      allocator_(vehicle),
+      law_(make_control_law(vehicle, config, !lockstep, std::move(stopwatch))),
       commands_(static_cast<int>(vehicle.thrusters.size())) {
+  if (config.observer) observer_.emplace(vehicle, *config.observer);
   if (lockstep) config_.lead_s = 0.0;
 }
 
@@ -144,68 +144,68 @@ void Controller::decide(ControlDecision& decision) {
   if (lost) {
     // Nothing is known of the state any more: neither plan nor braking goes on when odometry returns.
     decision.mode = goal == nullptr ? ControlMode::kWaiting : ControlMode::kClosed;
-    warm_ = have_plan_ = at_rest_ = false;
+    have_plan_ = at_rest_ = false;
+    law_->forget();
+    if (observer_) observer_->reset();
     braking_since_s_.reset();
     return;
   }
+  if (observer_ && (!observer_->started() || observer_->stamp_s() < odometry_->stamp_s))
+    observer_->update(odometry_->stamp_s, odometry_->x, commands_);
+  const ObserverState now = estimate(start_s);
+  if (observer_) {
+    decision.disturbance = {now.d, observer_->covariance().bottomRightCorner<6, 6>()};
+  }
   if (goal == nullptr) return;
-  const State13<double> x0 =
-      predict(vehicle_, thrusters_, commands_, odometry_->x, odometry_->stamp_s, start_s);
-  solve(x0, *goal, decision);
-  if (!is_success(decision.solve.status)) fall_back(x0, decision);
+  solve(now, *goal, decision);
+  if (!is_success(decision.solve.status)) fall_back(now.x, decision);
 }
 
-void Controller::solve(const State13<double>& measured, const Goal& goal, ControlDecision& decision) {
-  State13<double> x0 = measured;
-  if (warm_) {
-    // q and -q are the same attitude: stay on the side of the previous solution, which is the starting point.
-    if (x0.segment<4>(kQuaternion).dot(problem_.initial_state().segment<4>(kQuaternion)) < 0.0)
-      x0.segment<4>(kQuaternion) = -x0.segment<4>(kQuaternion);
-    for (std::int64_t k = iterate_period_; k < *last_period_ && k < iterate_period_ + problem_.stages(); ++k)
-      iterate_ = problem_.shifted(iterate_);
-  }
-  State13<double> reference = State13<double>::Zero();
-  reference.segment<3>(kPosition) = goal.p_WB;
-  reference.segment<4>(kQuaternion) = goal.q_WB;
-  const Quaternion4<double>& q = goal.q_WB;
-  const double yaw = std::atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
-  if (config_.attitude_error == AttitudeError::kVector && terminal_yaw_ != yaw) {
-    terminal_ = planar_terminal_weight(problem_.dynamics(), config_.weights, config_.force_weight, yaw);
-    terminal_yaw_ = yaw;
-  }
-  problem_.cost().set_reference(reference, x0.segment<4>(kQuaternion), terminal_);
-  problem_.set_initial_state(x0);
-  if (!warm_) iterate_ = problem_.cold_start(kColdStartMu);
+ObserverState Controller::estimate(double start_s) const {
+  if (observer_) return observer_->predicted(start_s, commands_);
+  return {predict(vehicle_, thrusters_, commands_, odometry_->x, odometry_->stamp_s, start_s), {}};
+}
 
-  decision.solve = solver_.solve(iterate_);
-  iterate_period_ = *last_period_;
+void Controller::ask(const ActuatorInput& input, ControlDecision& decision) const {
+  decision.command.duty = input.duty;
+  decision.wrench = input.wrench;
+}
+
+void Controller::solve(const ObserverState& now, const Goal& goal, ControlDecision& decision) {
+  ControlTask task{*last_period_, now.x, State13<double>::Zero(), now.d};
+  task.reference.segment<3>(kPosition) = goal.p_WB;
+  task.reference.segment<4>(kQuaternion) = goal.q_WB;
+  if (observer_) {
+    // The prediction holds forces over the period, for which a robot held at rest has no velocity.
+    const auto pulses =
+        pulse_velocity(vehicle_, thrusters_, law_->holding_input(goal.q_WB, now.d).duty, goal.q_WB);
+    task.x0.segment<3>(kVelocity) -= pulses.head<3>();
+    task.x0.segment<3>(kAngularVelocity) -= pulses.tail<3>();
+  }
+  decision.solve = law_->solve(task);
   ++counters_.solves;
-  // A failed solve leaves no good starting point: the next one starts cold.
-  warm_ = is_success(decision.solve.status);
-  if (!warm_) {
+  if (!is_success(decision.solve.status)) {
     ++counters_.solver_failures;
     return;
   }
-  plan_ = iterate_.z;
   plan_period_ = *last_period_;
   have_plan_ = true;
   at_rest_ = false;
   braking_since_s_.reset();
   decision.mode = ControlMode::kSolved;
-  decision.command.duty = duties_from_pairs(vehicle_, pairs_, problem_.input(plan_, 0));
-  decision.active_constraints = problem_.active_constraints(plan_, kActiveTolerance);
-  decision.path.reserve(static_cast<std::size_t>(problem_.stages()) + 1);
-  for (int k = 0; k <= problem_.stages(); ++k) decision.path.push_back(problem_.state(plan_, k));
+  ask(law_->input(0), decision);
+  decision.active_constraints = law_->active_constraints(kActiveTolerance);
+  decision.path.reserve(static_cast<std::size_t>(law_->stages()) + 1);
+  for (int k = 0; k <= law_->stages(); ++k) decision.path.push_back(law_->state(k));
 }
 
 void Controller::fall_back(const State13<double>& x0, ControlDecision& decision) {
   const double start_s = decision.command.stamp_s;
   const std::int64_t stage = *last_period_ - plan_period_;
-  if (have_plan_ && stage < problem_.stages() &&
+  if (have_plan_ && stage < law_->stages() &&
       static_cast<double>(stage) * period_s() <= config_.limits.plan_reuse_s + kStampTolerance) {
     decision.mode = ControlMode::kPreviousPlan;
-    decision.command.duty =
-        duties_from_pairs(vehicle_, pairs_, problem_.input(plan_, static_cast<int>(stage)));
+    ask(law_->input(static_cast<int>(stage)), decision);
     return;
   }
   if (decision.odometry != OdometryState::kFresh) {  // no braking on a guessed velocity
@@ -226,15 +226,12 @@ void Controller::fall_back(const State13<double>& x0, ControlDecision& decision)
   }
   decision.mode = ControlMode::kBraking;
   const double gain = -1.0 / config_.limits.braking_time_constant_s;
-  const Eigen::Vector3d wrench(gain * vehicle_.mass_kg * v_B[0], gain * vehicle_.mass_kg * v_B[1],
-                               gain * vehicle_.inertia_kg_m2[2] * yaw_rate);
-  // Beyond the thrusters' limits the whole wrench shrinks, so that it still opposes the motion.
-  Eigen::Vector4d u = wrench_to_pairs_ * wrench;
-  for (int j = 0; j < 4; ++j) {
-    const double limit = std::min(problem_.upper_bounds()[j], -problem_.lower_bounds()[j]);
-    if (std::abs(u[j]) > limit) u *= limit / std::abs(u[j]);
-  }
-  decision.command.duty = duties_from_pairs(vehicle_, pairs_, u);
+  const BodyWrench wrench(gain * vehicle_.mass_kg * v_B[0], gain * vehicle_.mass_kg * v_B[1],
+                          gain * vehicle_.inertia_kg_m2[2] * yaw_rate);
+  // Beyond the thrusters' limits the allocator shrinks the whole wrench, so that it still opposes the motion.
+  const Allocation allocation = allocator_.allocate(wrench);
+  decision.command.duty = allocation.duty;
+  if (level() == CommandLevel::kWrench) decision.wrench = wrench;
 }
 
 }  // namespace atmos

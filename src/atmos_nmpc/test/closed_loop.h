@@ -40,12 +40,13 @@ struct FlightRow {
   ControlDecision decision;
 };
 
-// The robot on the ideal floor under commands of one controller, one odometry a period.
+// The robot under commands of one controller, one odometry a period; on the ideal floor unless there are
+// effects.
 class Flight {
  public:
   Flight(const Vehicle& vehicle, Controller& controller, double start_s, const PlanarState<double>& start,
-         Noise noise, std::uint32_t seed)
-      : plant_(vehicle, {}, start_s),
+         Noise noise, std::uint32_t seed, const std::vector<Effect>& effects = {})
+      : plant_(vehicle, effects, start_s),
         valves_(static_cast<int>(vehicle.thrusters.size())),
         controller_(controller),
         noise_(noise),

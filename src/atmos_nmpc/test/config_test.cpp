@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -44,6 +45,28 @@ TEST_F(ControllerFile, TheShippedOneLoads) {
   const ControllerConfig config = load_controller(kFile, vehicle_);
   EXPECT_EQ(config.step_s, vehicle_.pwm.period_s);
   EXPECT_EQ(config.attitude_error, AttitudeError::kVector);
+}
+
+TEST_F(ControllerFile, EveryShippedOneLoads) {
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(ATMOS_CONFIG_DIR "/controller")) {
+    SCOPED_TRACE(entry.path().string());
+    ++files;
+    EXPECT_NO_THROW({
+      const ControllerConfig config = load_controller(entry.path().string(), vehicle_);
+      const std::string name = entry.path().filename().string();
+      EXPECT_EQ(config.observer.has_value(), name.rfind("offset_free", 0) == 0);
+    });
+  }
+  EXPECT_GE(files, 4);
+}
+
+TEST_F(ControllerFile, KeysOfAnotherFormulationAreRefused) {
+  EXPECT_NE(faults_with("formulation: direct_allocation", "formulation: wrench").find("pair_force_n"),
+            std::string::npos);
+  EXPECT_NE(faults_with("pair_force_n: 1.5", "force_n: 1.5").find("force_n"), std::string::npos);
+  EXPECT_NE(faults_with("  limits:", "  observer: {}\n  limits:").find("position_noise_m"),
+            std::string::npos);
 }
 
 TEST_F(ControllerFile, EachBrokenRuleIsNamed) {

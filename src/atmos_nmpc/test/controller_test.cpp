@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "atmos_nmpc/config.h"
+#include "atmos_nmpc/direct_allocation.h"
 #include "closed_loop.h"
 
 namespace atmos {

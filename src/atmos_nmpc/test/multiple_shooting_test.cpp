@@ -46,6 +46,8 @@ TEST_P(Shooting, DerivativesAgainstCentralDifferences) {
     DirectAllocation problem = make_direct_allocation(vehicle_, config_);
     State13<double> reference = moving_state(attitudes(32).back().second, 33);
     problem.cost().set_reference(reference, q, TrackingCost::PlanarWeight::Identity());
+    problem.dynamics().set_disturbance({{0.2, -0.1, 0.3}, {0.4, -0.5, 0.6}});
+    problem.set_input_reference({0.3, -0.2, 0.1, -0.4});
     problem.set_initial_state(moving_state(q, 34));
     const Eigen::VectorXd z = point(q);
     const int n = problem.variable_count(), m = problem.constraint_count();

@@ -10,6 +10,7 @@
 
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/terminal_weight.h"
 
 namespace atmos {
 namespace {
@@ -60,7 +61,7 @@ TEST_F(TerminalWeight, IsTheCostOfTheUnconstrainedInfiniteHorizon) {
   // Roll the linear regulator out on the non-linear model from a small error: its cost must be e' P e.
   const double yaw = 0.7;
   const DirectAllocation problem = make_direct_allocation(vehicle_, config_);
-  const auto P = planar_terminal_weight(problem.dynamics(), config_.weights, config_.force_weight, yaw);
+  const auto P = planar_terminal_weight(problem.dynamics(), config_.weights, problem.input_weight(), yaw);
 
   // Double-integrator model written down independently.
   const double h = config_.step_s;

@@ -10,6 +10,7 @@
 
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/terminal_weight.h"
 #include "numeric.h"
 
 namespace atmos {
@@ -173,7 +174,7 @@ TEST(Solver, AnswerDoesNotDependOnTheWarmStart) {
   x0.head<2>() << -0.6, 0.3;
   x0.segment<4>(state13::kQuaternion) = testing::about_axis({0, 0, 1}, 0.6);
   x0[state13::kVelocity] = 0.1;
-  const auto P = planar_terminal_weight(problem.dynamics(), config.weights, config.force_weight, 0.0);
+  const auto P = planar_terminal_weight(problem.dynamics(), config.weights, problem.input_weight(), 0.0);
   State13<double> reference = State13<double>::Zero();
   reference[state13::kQuaternion] = 1.0;
   problem.cost().set_reference(reference, x0.segment<4>(state13::kQuaternion), P);

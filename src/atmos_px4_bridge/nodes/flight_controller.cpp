@@ -1,8 +1,9 @@
-// nmpc/thrusters, odometry -> thruster_command, flight_controller/status, diagnostics.
+// nmpc/thrusters, nmpc/wrench, odometry -> thruster_command, flight_controller/status, diagnostics.
 // Parameters: ~vehicle (path of the vehicle file), ~lockstep (bool).
 #include <atmos_msgs/FlightControllerStatus.h>
 #include <atmos_msgs/ThrusterCommand.h>
 #include <diagnostic_updater/diagnostic_updater.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 
@@ -48,6 +49,8 @@ class FlightControllerNode {
     const auto hints = ros::TransportHints().tcpNoDelay();
     command_subscriber_ =
         node_.subscribe("nmpc/thrusters", kQueue, &FlightControllerNode::on_command, this, hints);
+    wrench_subscriber_ =
+        node_.subscribe("nmpc/wrench", kQueue, &FlightControllerNode::on_wrench, this, hints);
     if (pacing == Pacing::kRealTime) {
       odometry_subscriber_ =
           node_.subscribe("odometry", kQueue, &FlightControllerNode::on_odometry, this, hints);
@@ -58,6 +61,13 @@ class FlightControllerNode {
  private:
   void on_command(const atmos_msgs::ThrusterCommand& message) {
     publish(core_.take_command(from_message(message), ros::Time::now().toSec()));
+    diagnostics_.update();
+  }
+
+  void on_wrench(const geometry_msgs::WrenchStamped& message) {
+    const auto& wrench = message.wrench;
+    publish(core_.take_wrench(message.header.stamp.toSec(), {wrench.force.x, wrench.force.y, wrench.torque.z},
+                              ros::Time::now().toSec()));
     diagnostics_.update();
   }
 
@@ -102,13 +112,14 @@ class FlightControllerNode {
     out.add("late", status.late);
     out.add("expired", status.expired);
     out.add("malformed", status.malformed);
+    out.add("wrenches scaled", status.scaled);
   }
 
   ros::NodeHandle node_;
   FlightController core_;
   diagnostic_updater::Updater diagnostics_;
   ros::Publisher command_publisher_, status_publisher_;
-  ros::Subscriber command_subscriber_, odometry_subscriber_;
+  ros::Subscriber command_subscriber_, wrench_subscriber_, odometry_subscriber_;
   ros::Timer timer_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace atmos {
 
@@ -10,6 +11,7 @@ namespace {
 
 constexpr double kSameInstant = 1e-6;  // s, above the resolution of a ROS time held in a double
 constexpr double kMostPeriodsAhead = 2.0;
+constexpr double kScaleResolution = 1e-9;
 
 std::string text(const char* format, double a, double b = 0.0) {
   char buffer[160];
@@ -20,7 +22,7 @@ std::string text(const char* format, double a, double b = 0.0) {
 }  // namespace
 
 FlightController::FlightController(const Vehicle& vehicle, Pacing pacing)
-    : thruster_count_(vehicle.thrusters.size()), pwm_(vehicle.pwm), pacing_(pacing) {}
+    : thruster_count_(vehicle.thrusters.size()), allocator_(vehicle), pwm_(vehicle.pwm), pacing_(pacing) {}
 
 double FlightController::period_start(double time_s) const {
   return std::floor((time_s + kSameInstant) / pwm_.period_s) * pwm_.period_s;
@@ -77,11 +79,15 @@ void FlightController::notice_restart(double now_s) {
 }
 
 std::optional<ValveOrder> FlightController::take_command(const ThrusterCommand& command, double now_s) {
+  return take(command, fault_in(command, now_s), now_s);
+}
+
+std::optional<ValveOrder> FlightController::take(const ThrusterCommand& command, const std::string& fault,
+                                                 double now_s) {
   const bool lockstep = pacing_ == Pacing::kLockstep;
   if (!lockstep) notice_restart(now_s);
   ++status_.commands;
 
-  const std::string fault = fault_in(command, now_s);
   if (!fault.empty()) {
     ++status_.malformed;
     last_fault_ = fault;
@@ -118,6 +124,15 @@ std::optional<ValveOrder> FlightController::take_command(const ThrusterCommand& 
     if (duty * pwm_.period_s < pwm_.min_on_time_s - kSameInstant) duty = 0.0;
   }
   return order(std::move(sent), {});
+}
+
+std::optional<ValveOrder> FlightController::take_wrench(double stamp_s, const BodyWrench& wrench,
+                                                        double now_s) {
+  Allocation allocation = allocator_.allocate(wrench);
+  const ThrusterCommand command{stamp_s, pwm_.period_s, std::move(allocation.duty)};
+  if (!wrench.allFinite()) return take(command, "malformed command: wrench is not finite", now_s);
+  if (allocation.scale < 1.0 - kScaleResolution) ++status_.scaled;
+  return take_command(command, now_s);
 }
 
 void FlightController::take_odometry(double stamp_s, double now_s) {

@@ -2,6 +2,7 @@
 // recovery, and an answer to every command in lockstep.
 #include <atmos_msgs/FlightControllerStatus.h>
 #include <atmos_msgs/ThrusterCommand.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
@@ -34,14 +35,15 @@ class Robot {
  public:
   explicit Robot(const std::string& name) : node_("/" + name) {
     commands_ = node_.advertise<atmos_msgs::ThrusterCommand>("nmpc/thrusters", 100);
+    wrenches_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", 100);
     odometry_ = node_.advertise<nav_msgs::Odometry>("odometry", 100);
     orders_ = node_.subscribe("thruster_command", 1000, &Robot::on_order, this);
     status_ = node_.subscribe("flight_controller/status", 1000, &Robot::on_status, this);
   }
 
   bool connected() const {
-    return commands_.getNumSubscribers() == 1 && orders_.getNumPublishers() == 1 &&
-           status_.getNumPublishers() == 1;
+    return commands_.getNumSubscribers() == 1 && wrenches_.getNumSubscribers() == 1 &&
+           orders_.getNumPublishers() == 1 && status_.getNumPublishers() == 1;
   }
   bool odometry_connected() const { return odometry_.getNumSubscribers() == 1; }
 
@@ -51,6 +53,13 @@ class Robot {
     command.period = kPeriod_s;
     command.duty.assign(8, duty);
     commands_.publish(command);
+  }
+
+  void send_force(const ros::Time& stamp, double force_x) {
+    geometry_msgs::WrenchStamped command;
+    command.header.stamp = stamp;
+    command.wrench.force.x = force_x;
+    wrenches_.publish(command);
   }
 
   void send_odometry() {
@@ -79,7 +88,7 @@ class Robot {
   void on_status(const FlightControllerStatus& message) { status.push_back(message); }
 
   ros::NodeHandle node_;
-  ros::Publisher commands_, odometry_;
+  ros::Publisher commands_, wrenches_, odometry_;
   ros::Subscriber orders_, status_;
   double commanded_ = 0.0;
 };
@@ -125,6 +134,13 @@ TEST(FlightControllerNode, AnswersEveryCommandInLockstep) {
     EXPECT_EQ(robot.flies(), k != 7);
   }
   EXPECT_EQ(robot.status.back().malformed, 1u);
+
+  const std::size_t before = robot.orders.size();
+  robot.send_force(start + ros::Duration(2.0), 1.7);
+  ASSERT_TRUE(wait_until([&] { return robot.orders.size() == before + 1; }));
+  // Thrusters 1 and 3 push forward: half of each.
+  EXPECT_NEAR(robot.orders.back().duty[0], 0.5, 1e-9);
+  EXPECT_NEAR(robot.orders.back().duty[2], 0.5, 1e-9);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 
@@ -277,6 +278,49 @@ TEST_F(Lockstep, PeriodIsAnsweredOnce) {
   EXPECT_FALSE(core.take_command(command(kStart + 0.1, 0.9), kStart));
   EXPECT_FALSE(core.take_command(command(kStart), kStart));
   EXPECT_EQ(core.status().expired, 2u);
+}
+
+TEST_F(Lockstep, WrenchIsAllocated) {
+  const BodyWrench wrench(1.0, -0.5, 0.1);
+  const auto order = core.take_wrench(kStart, wrench, kStart);
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(order->status.flying);
+  EXPECT_EQ(order->command.stamp_s, kStart);
+  EXPECT_EQ(order->command.period_s, kPeriod);
+  EXPECT_EQ(order->command.duty, Allocator(test_vehicle()).allocate(wrench).duty);
+  EXPECT_EQ(core.take_wrench(kStart + 0.1, BodyWrench::Zero(), kStart)->command.duty,
+            std::vector<double>(8, 0.0));
+  EXPECT_EQ(core.status().scaled, 0u);
+}
+
+TEST_F(Lockstep, WrenchBeyondTheThrustersIsScaledAndCounted) {
+  const BodyWrench wrench(30.0, 0.0, 1.0);
+  const auto order = core.take_wrench(kStart, wrench, kStart);
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(order->status.flying);
+  EXPECT_EQ(order->status.scaled, 1u);
+  const BodyWrench achieved = Allocator(test_vehicle()).allocate(wrench).achieved;
+  EXPECT_LT(achieved.normalized().cross(wrench.normalized()).norm(), 1e-9);
+}
+
+TEST_F(Lockstep, WrenchThatIsNotFiniteIsAnsweredWithClosedValves) {
+  const auto order = core.take_wrench(kStart, {1.0, kNan, 0.0}, kStart);
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(all_closed(*order));
+  EXPECT_EQ(order->status.reason, "malformed command: wrench is not finite");
+  EXPECT_EQ(order->status.malformed, 1u);
+  EXPECT_EQ(order->status.scaled, 0u);
+}
+
+TEST_F(RealTime, WrenchObeysTheRulesOfTheClock) {
+  EXPECT_TRUE(core.take_wrench(kStart, {0.5, 0.0, 0.0}, kStart - 0.02));
+  EXPECT_FALSE(core.take_wrench(kStart, {0.5, 0.0, 0.0}, kStart + 0.1)) << "its period is over";
+  EXPECT_FALSE(core.take_wrench(kStart + 0.203, {0.5, 0.0, 0.0}, kStart + 0.15)) << "off the grid";
+  EXPECT_EQ(core.status().expired, 1u);
+  EXPECT_EQ(core.status().malformed, 1u);
+  // A wrench replaces a thruster command for the same period and the other way round.
+  ASSERT_TRUE(core.take_command(command(kStart + 0.2, 0.9), kStart + 0.15));
+  EXPECT_LT(core.take_wrench(kStart + 0.2, {0.5, 0.0, 0.0}, kStart + 0.16)->command.duty[0], 0.9);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // The controller file (config/controller/*.yaml), read strictly.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "atmos_model/vehicle.h"
@@ -20,18 +21,43 @@ struct LossLimits {
   double braking_time_constant_s;  // braking asks for -m v / this, within the thrusters' limits
 };
 
+// What the controller decides: the paper's ctl:da, ctl:wrench.
+enum class FormulationKind { kDirectAllocation, kWrench };
+
+// Noise of the disturbance observer (docs/offset_free.md), standard deviations per axis.
+struct ObserverConfig {
+  double position_noise_m;  // of odometry's pose, > 0
+  double attitude_noise_rad;
+  double acceleration_m_s2;            // unknown acceleration that lasts one PWM period
+  double angular_acceleration_rad_s2;  // likewise
+  double thrust_error;                 // relative, of each open valve's thrust over one PWM period
+  double disturbance_drift_m_s2;       // of d_v within one second (random walk)
+  double disturbance_drift_rad_s2;     // of d_w
+  double initial_disturbance_m_s2;     // before anything is known
+  double initial_disturbance_rad_s2;
+  double initial_velocity_m_s;
+  double initial_rate_rad_s;
+  double nis_gate;  // a pose of a greater normalised innovation squared (6 degrees of freedom) is refused
+  int reset_after;  // refusals in a row after which the observer starts anew
+};
+
 struct ControllerConfig {
+  FormulationKind formulation;
   int stages;     // N
   double step_s;  // the PWM period
   AttitudeError attitude_error;
   TrackingWeights weights;
-  double force_weight;  // R per thruster pair, 1/N^2
-  double pair_force_n;  // |u_j| <= this and the thrusters' own force
+  double force_weight;   // R per thruster pair or body axis, 1/N^2
+  double torque_weight;  // R of the torque, 1/(N m)^2; kWrench only
+  double pair_force_n;   // kDirectAllocation: |u_j| <= this and the thrusters' own force
+  double force_n;        // kWrench: |f_x|, |f_y| <= this
+  double torque_n_m;     // kWrench: |tau_z| <= this
   SoftBounds bounds;
   double objective_scale;
   SolverOptions solver;
   double lead_s;  // odometry of this long before a period triggers its solve; 0 in lockstep
   LossLimits limits;
+  std::optional<ObserverConfig> observer;  // offset-free: with the estimated disturbance in the model
 };
 
 // Reads a controller file for a vehicle. Throws ConfigError with every fault.

@@ -4,12 +4,14 @@
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "atmos_model/valve_schedule.h"
-#include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/control_law.h"
+#include "atmos_nmpc/disturbance_observer.h"
 #include "atmos_nmpc/solver.h"
 
 namespace atmos {
@@ -40,14 +42,23 @@ struct ControllerCounters {
   std::uint64_t rejected_goals = 0;
 };
 
+struct DisturbanceEstimate {
+  Disturbance mean;
+  Eigen::Matrix<double, 6, 6> covariance;  // of d_v (world) and d_w (body)
+};
+
 // What the controller did for one period.
 struct ControlDecision {
-  ThrusterCommand command;  // stamped with the start of the period
+  // Stamped with the start of the period. What is sent at CommandLevel::kThrusters and whenever the valves
+  // are closed; at the other levels what the flight controller will make of it.
+  ThrusterCommand command;
+  BodyWrench wrench = BodyWrench::Zero();  // what is sent at CommandLevel::kWrench
   ControlMode mode = ControlMode::kWaiting;
   OdometryState odometry = OdometryState::kNone;
   double odometry_age_s = 0.0;
   SolveResult solve;
   int active_constraints = 0;
+  std::optional<DisturbanceEstimate> disturbance;  // with an observer that has started
   std::vector<State13<double>>
       path;  // predicted states at the ends of the stages; empty unless solved in this period
 };
@@ -73,6 +84,7 @@ class Controller {
 
   const ControllerCounters& counters() const { return counters_; }
   double period_s() const { return vehicle_.pwm.period_s; }
+  CommandLevel level() const { return law_->level(); }
 
  private:
   bool accept(const OdometrySample& sample, double now_s);
@@ -80,17 +92,19 @@ class Controller {
   std::int64_t period_of(double stamp_s) const;
   std::optional<ControlDecision> step(double event_s);
   void decide(ControlDecision& decision);
-  void solve(const State13<double>& x0, const Goal& goal, ControlDecision& decision);
+  // State and disturbance at the start of the period.
+  ObserverState estimate(double start_s) const;
+  void solve(const ObserverState& now, const Goal& goal, ControlDecision& decision);
   void fall_back(const State13<double>& x0, ControlDecision& decision);
+  void ask(const ActuatorInput& input, ControlDecision& decision) const;
   const Goal* goal_at(double time_s);
 
   Vehicle vehicle_;
   ControllerConfig config_;
-  std::vector<ThrusterPair> pairs_;
   AllocationMatrices thrusters_;
-  Eigen::Matrix<double, 4, 3> wrench_to_pairs_;  // least-squares pair forces of a planar body wrench
-  DirectAllocation problem_;
-  OptimalControlSolver solver_;
+  Allocator allocator_;
+  std::unique_ptr<ControlLaw> law_;
+  std::optional<DisturbanceObserver> observer_;
 
   std::deque<Goal> goals_;  // ascending; the first is in force once its stamp has come
   std::optional<OdometrySample> odometry_;
@@ -98,13 +112,7 @@ class Controller {
   std::optional<std::int64_t> last_period_;
   bool silent_ = false;  // the last decision was the watchdog's
 
-  TrackingCost::PlanarWeight terminal_ = TrackingCost::PlanarWeight::Zero();  // of the goal at terminal_yaw_
-  std::optional<double> terminal_yaw_;
-  Iterate iterate_;  // the newest solution
-  std::int64_t iterate_period_ = 0;
-  bool warm_ = false;       // iterate_ is a solution to start from
-  bool have_plan_ = false;  // plan_ may be followed when the solver fails
-  Eigen::VectorXd plan_;    // z of the last success
+  bool have_plan_ = false;  // the law's plan may be followed when the solver fails
   std::int64_t plan_period_ = 0;
   std::optional<double> braking_since_s_;
   bool at_rest_ = false;  // braking has ended: closed until a solve succeeds

@@ -44,6 +44,7 @@ class MultipleShooting : public NonlinearProgram {
     declare_hessian();
   }
 
+  Dynamics& dynamics() { return dynamics_; }
   const Dynamics& dynamics() const { return dynamics_; }
   TrackingCost& cost() { return cost_; }
   const TrackingCost& cost() const { return cost_; }
@@ -56,6 +57,15 @@ class MultipleShooting : public NonlinearProgram {
       upper_.segment<kStates>(state_at(k)) = upper;
     }
   }
+
+  // R weighs u - `input`, clipped to the bounds: the inputs that hold the reference.
+  void set_input_reference(const Input& input) {
+    input_reference_ =
+        input.cwiseMax(lower_.template head<kInputs>()).cwiseMin(upper_.template head<kInputs>());
+  }
+
+  const Input& input_reference() const { return input_reference_; }
+  const Input& input_weight() const { return input_weight_; }
 
   void set_initial_state(const State& x0) { initial_state_ = x0; }
   const State& initial_state() const { return initial_state_; }
@@ -117,7 +127,7 @@ class MultipleShooting : public NonlinearProgram {
   double objective(const double* z) const override {
     double sum = 0.0;
     for (int k = 0; k < N_; ++k) {
-      const auto u = input_of(z, k);
+      const Input u = input_of(z, k) - input_reference_;
       sum += input_weight_.dot(u.cwiseProduct(u)) + cost_.value(state_of(z, k), false);
     }
     return scale_ * (sum + cost_.value(state_of(z, N_), true));
@@ -125,7 +135,8 @@ class MultipleShooting : public NonlinearProgram {
 
   void gradient(const double* z, double* values) const override {
     for (int k = 0; k < N_; ++k) {
-      Eigen::Map<Input>(values + input_at(k)) = 2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k));
+      Eigen::Map<Input>(values + input_at(k)) =
+          2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k) - input_reference_);
       State g = State::Zero();
       cost_.add_gradient(state_of(z, k + 1), k + 1 == N_, scale_, g);
       Eigen::Map<State>(values + state_at(k + 1)) = g;
@@ -256,6 +267,7 @@ class MultipleShooting : public NonlinearProgram {
   TrackingCost cost_;
   int N_;
   Input input_weight_;
+  Input input_reference_ = Input::Zero();
   double scale_;
   State initial_state_;
   Eigen::VectorXd lower_, upper_;

@@ -9,10 +9,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/QR>
 
 #include "atmos_model/rigid_body.h"
 
 namespace atmos {
+
+// Accelerations that no input causes: d_v (world, m/s^2) and d_w (body, rad/s^2).
+struct Disturbance {
+  Vec3<double> acceleration_W = Vec3<double>::Zero();
+  Vec3<double> angular_acceleration_B = Vec3<double>::Zero();
+};
 
 template <int NU>
 class RigidBodyStep {
@@ -35,6 +42,20 @@ class RigidBodyStep {
   }
 
   double step_s() const { return h_; }
+
+  // Accelerations that act besides the inputs, constant over the step (paper, ctl:disturbance_wrench).
+  void set_disturbance(const Disturbance& disturbance) { disturbance_ = disturbance; }
+
+  // The inputs under which a body at rest with attitude q stays at rest, as nearly as they can and of least
+  // norm.
+  Input holding_input(const Quaternion4<double>& q) const {
+    Eigen::Matrix<double, 6, NU> effect;
+    effect << D_over_m_, L_over_I_;
+    Eigen::Matrix<double, 6, 1> needed;
+    needed << -rotate<double>({q[0], -q[1], -q[2], -q[3]}, disturbance_.acceleration_W),
+        -disturbance_.angular_acceleration_B;
+    return effect.completeOrthogonalDecomposition().solve(needed);
+  }
 
   // The state after one step.
   State next(const State& x, const Input& u) const {
@@ -117,7 +138,7 @@ class RigidBodyStep {
     Eigen::Matrix<double, 7, 1> k[4];
     Vec3<double> a[4];
     Vec3<double> f;    // D u / m, body
-    Vec3<double> tau;  // I^-1 L u
+    Vec3<double> tau;  // I^-1 L u + d_w
   };
   using Sensitivities = Eigen::Matrix<double, 7, kFree>[4];
 
@@ -129,7 +150,7 @@ class RigidBodyStep {
 
   void forward(const State& x, const Input& u, Stages& stages) const {
     stages.f.noalias() = D_over_m_ * u;
-    stages.tau.noalias() = L_over_I_ * u;
+    stages.tau = disturbance_.angular_acceleration_B + L_over_I_ * u;
     for (int i = 0; i < 4; ++i) {
       Eigen::Matrix<double, 7, 1> s = x.segment<7>(state13::kQuaternion);
       if (i > 0) s += point_weight(i) * stages.k[i - 1];
@@ -145,7 +166,9 @@ class RigidBodyStep {
 
   State assemble(const State& x, const Stages& stages) const {
     State result = x;
-    result.segment<3>(state13::kPosition) += h_ * x.segment<3>(state13::kVelocity);
+    result.segment<3>(state13::kPosition) +=
+        h_ * x.segment<3>(state13::kVelocity) + 0.5 * h_ * h_ * disturbance_.acceleration_W;
+    result.segment<3>(state13::kVelocity) += h_ * disturbance_.acceleration_W;
     for (int i = 0; i < 4; ++i) {
       result.segment<3>(state13::kPosition) += position_weight(i) * stages.a[i];
       result.segment<3>(state13::kVelocity) += slope_weight(i) * stages.a[i];
@@ -239,6 +262,7 @@ class RigidBodyStep {
   Eigen::Matrix<double, 3, NU> L_over_I_;
   Eigen::Vector3d euler_;  // (w x I w) / I, component i: euler_[i] times the product of the other two rates
   double h_;
+  Disturbance disturbance_;
 };
 
 }  // namespace atmos

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "atmos_model/allocator.h"
 #include "atmos_model/valve_schedule.h"
 #include "atmos_model/vehicle.h"
 
@@ -34,6 +35,7 @@ struct FlightStatus {
   std::uint64_t late = 0;       // arrived after their period began: act for the rest of it
   std::uint64_t expired = 0;    // arrived after their period, or after a newer one: not carried out
   std::uint64_t malformed = 0;  // wrong size, not finite, out of range, off the PWM grid: not carried out
+  std::uint64_t scaled = 0;     // wrenches beyond what the thrusters can do
 };
 
 // One order to the valves; a later one for the same period replaces the rest of it.
@@ -57,6 +59,10 @@ class FlightController {
   // pulses that would last longer are cut there, so that the order that is recorded says what the valves did.
   std::optional<ValveOrder> take_command(const ThrusterCommand& command, double now_s);
 
+  // The same with a planar body wrench [N, N m] for the period that starts at stamp_s: the allocator turns it
+  // into duties. A wrench beyond what the thrusters can do is scaled along its direction and counted.
+  std::optional<ValveOrder> take_wrench(double stamp_s, const BodyWrench& wrench, double now_s);
+
   // Notes odometry stamped `stamp_s` that arrived at `now_s`; a stamp ahead of the clock counts as of now.
   void take_odometry(double stamp_s, double now_s);
 
@@ -68,6 +74,8 @@ class FlightController {
   const FlightStatus& status() const { return status_; }
 
  private:
+  // The common part of every level: a command, and the fault found in it.
+  std::optional<ValveOrder> take(const ThrusterCommand& command, const std::string& fault, double now_s);
   // Empty, or the rule that the command breaks.
   std::string fault_in(const ThrusterCommand& command, double now_s) const;
   // Empty, or why odometry closes the valves at `time_s`.
@@ -78,6 +86,7 @@ class FlightController {
   void notice_restart(double now_s);
 
   std::size_t thruster_count_;
+  Allocator allocator_;
   Pwm pwm_;
   Pacing pacing_;
   FlightStatus status_;

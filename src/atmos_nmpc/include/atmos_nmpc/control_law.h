@@ -1,0 +1,62 @@
+// What the controller decides with: one formulation and its solver behind one interface. Timing and loss
+// rules are atmos::Controller's.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "atmos_model/allocator.h"
+#include "atmos_model/rigid_body.h"
+#include "atmos_nmpc/config.h"
+#include "atmos_nmpc/rigid_body_step.h"
+#include "atmos_nmpc/solver.h"
+
+namespace atmos {
+
+// What the flight controller is asked for (docs/architecture.md, "Command levels").
+enum class CommandLevel { kThrusters, kWrench };
+
+// What is asked of the actuators for one period.
+struct ActuatorInput {
+  BodyWrench wrench = BodyWrench::Zero();  // kWrench: as sent; otherwise zero
+  std::vector<double>
+      duty;  // kThrusters: as sent; otherwise what the flight controller's allocator makes of it
+};
+
+// One period's problem.
+struct ControlTask {
+  std::int64_t period;        // its number: the previous plan is shifted by the periods that have passed
+  State13<double> x0;         // at the start of the period
+  State13<double> reference;  // pose at rest, quaternion of unit length
+  Disturbance disturbance;
+};
+
+class ControlLaw {
+ public:
+  virtual ~ControlLaw() = default;
+
+  virtual CommandLevel level() const = 0;
+  // On success the plan below is this task's; on failure it stays that of the last success.
+  virtual SolveResult solve(const ControlTask& task) = 0;
+  // The next solve starts from nothing known.
+  virtual void forget() = 0;
+
+  // The plan: input k acts over period `period of its task` + k, k in [0, stages).
+  virtual int stages() const = 0;
+  virtual ActuatorInput input(int k) const = 0;
+  // Predicted state at the start of stage k, k in [0, stages].
+  virtual State13<double> state(int k) const = 0;
+  // Bounds within `tolerance` of their limit along the plan.
+  virtual int active_constraints(double tolerance) const = 0;
+  // What holds a body at rest with attitude q_WB against a disturbance, within the inputs' bounds.
+  virtual ActuatorInput holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance) = 0;
+};
+
+// The law that the configuration names. `time_limit`: whether the configured one holds. Throws
+// std::invalid_argument when the vehicle cannot be flown with it.
+std::unique_ptr<ControlLaw> make_control_law(const Vehicle& vehicle, const ControllerConfig& config,
+                                             bool time_limit, Stopwatch stopwatch);
+
+}  // namespace atmos

@@ -1,0 +1,106 @@
+// A formulation as a control law: warm starts, the reference and the solver around one shooting problem.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "atmos_nmpc/control_law.h"
+#include "atmos_nmpc/multiple_shooting.h"
+#include "atmos_nmpc/terminal_weight.h"
+
+namespace atmos {
+
+template <class Problem>
+class NmpcLaw : public ControlLaw {
+ public:
+  using Input = typename Problem::Input;
+  using Actuate = std::function<ActuatorInput(const Input&)>;
+
+  // `actuate`: what is asked of the actuators for an input of the problem.
+  NmpcLaw(CommandLevel level, Problem problem, const ControllerConfig& config, const SolverOptions& options,
+          Actuate actuate, Stopwatch stopwatch)
+      : level_(level),
+        weights_(config.weights),
+        with_terminal_(config.attitude_error == AttitudeError::kVector),
+        problem_(std::move(problem)),
+        actuate_(std::move(actuate)),
+        solver_(problem_, options, std::move(stopwatch)) {}
+
+  CommandLevel level() const override { return level_; }
+
+  SolveResult solve(const ControlTask& task) override {
+    State13<double> x0 = task.x0;
+    if (warm_) {
+      // q and -q are the same attitude: stay on the side of the previous solution, which is the starting
+      // point.
+      auto q = x0.template segment<4>(state13::kQuaternion);
+      if (q.dot(problem_.initial_state().template segment<4>(state13::kQuaternion)) < 0.0) q = -q;
+      for (std::int64_t k = iterate_period_; k < task.period && k < iterate_period_ + stages(); ++k)
+        iterate_ = problem_.shifted(iterate_);
+    }
+    set_reference(task, x0);
+    problem_.set_initial_state(x0);
+    if (!warm_) iterate_ = problem_.cold_start(kColdStartMu);
+
+    const SolveResult result = solver_.solve(iterate_);
+    iterate_period_ = task.period;
+    // A failed solve leaves no good starting point: the next one starts cold.
+    warm_ = is_success(result.status);
+    if (warm_) {
+      plan_ = iterate_.z;
+      plan_start_ = x0;
+    }
+    return result;
+  }
+
+  void forget() override { warm_ = false; }
+
+  int stages() const override { return problem_.stages(); }
+  ActuatorInput input(int k) const override { return actuate_(problem_.input(plan_, k)); }
+  State13<double> state(int k) const override { return k == 0 ? plan_start_ : problem_.state(plan_, k); }
+  int active_constraints(double tolerance) const override {
+    return problem_.active_constraints(plan_, tolerance);
+  }
+  ActuatorInput holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance) override {
+    problem_.dynamics().set_disturbance(disturbance);
+    problem_.set_input_reference(problem_.dynamics().holding_input(q_WB));
+    return actuate_(problem_.input_reference());
+  }
+
+ private:
+  static constexpr double kColdStartMu = 1e-4;  // barrier parameter of a cold start, as mu_init
+
+  void set_reference(const ControlTask& task, const State13<double>& x0) {
+    const Quaternion4<double> q = task.reference.template segment<4>(state13::kQuaternion);
+    const double yaw = std::atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
+    // The disturbance moves the equilibrium, not the linear motion about it.
+    problem_.dynamics().set_disturbance({});
+    if (with_terminal_ && terminal_yaw_ != yaw) {
+      terminal_ = planar_terminal_weight(problem_.dynamics(), weights_, problem_.input_weight(), yaw);
+      terminal_yaw_ = yaw;
+    }
+    problem_.dynamics().set_disturbance(task.disturbance);
+    problem_.set_input_reference(problem_.dynamics().holding_input(q));
+    problem_.cost().set_reference(task.reference, x0.template segment<4>(state13::kQuaternion), terminal_);
+  }
+
+  CommandLevel level_;
+  TrackingWeights weights_;
+  bool with_terminal_;
+  Problem problem_;
+  Actuate actuate_;
+  OptimalControlSolver solver_;  // refers to problem_
+
+  TrackingCost::PlanarWeight terminal_ =
+      TrackingCost::PlanarWeight::Zero();  // of a reference at terminal_yaw_
+  std::optional<double> terminal_yaw_;
+  Iterate iterate_;  // the newest solution
+  std::int64_t iterate_period_ = 0;
+  bool warm_ = false;     // iterate_ is a solution to start from
+  Eigen::VectorXd plan_;  // z of the last success
+  State13<double> plan_start_ = State13<double>::Zero();
+};
+
+}  // namespace atmos
