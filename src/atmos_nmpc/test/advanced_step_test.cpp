@@ -8,6 +8,7 @@
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
 #include "atmos_nmpc/solver.h"
+#include "atmos_nmpc/terminal_weight.h"
 #include "numeric.h"
 
 extern "C" void* __libc_malloc(std::size_t size);
@@ -37,7 +38,7 @@ class AdvancedStepTest : public ::testing::Test {
     reference[state13::kQuaternion] = 1.0;
     problem_.cost().set_reference(
         reference, x0_.segment<4>(state13::kQuaternion),
-        planar_terminal_weight(problem_.dynamics(), config_.weights, config_.force_weight, 0.0));
+        planar_terminal_weight(problem_.dynamics(), config_.weights, problem_.input_weight(), 0.0));
   }
 
   Iterate solution(const State& x0) {
