@@ -21,7 +21,7 @@ namespace atmos {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 100;
+constexpr std::uint32_t kQueue = 10000;  // messages: nothing may be lost at many times real time
 
 std::uint8_t message_state(TrackingState state) {
   using atmos_msgs::MocapStatus;

@@ -24,6 +24,8 @@
 namespace atmos {
 namespace {
 
+constexpr std::uint32_t kQueue = 10000;  // messages: nothing may be lost at many times real time
+
 double steady_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
@@ -37,11 +39,11 @@ class NmpcNode {
     base_frame_ = base_frame(robot);
 
     // Every level is there whatever the formulation, so that nothing but the controller file depends on it.
-    thrusters_pub_ = node_.advertise<atmos_msgs::ThrusterCommand>("nmpc/thrusters", 10);
-    wrench_pub_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", 10);
-    disturbance_pub_ = node_.advertise<atmos_msgs::Disturbance>("disturbance", 10);
-    status_pub_ = node_.advertise<atmos_msgs::NmpcStatus>("nmpc/status", 10);
-    path_pub_ = node_.advertise<nav_msgs::Path>("nmpc/predicted_path", 1);
+    thrusters_pub_ = node_.advertise<atmos_msgs::ThrusterCommand>("nmpc/thrusters", kQueue);
+    wrench_pub_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", kQueue);
+    disturbance_pub_ = node_.advertise<atmos_msgs::Disturbance>("disturbance", kQueue);
+    status_pub_ = node_.advertise<atmos_msgs::NmpcStatus>("nmpc/status", kQueue);
+    path_pub_ = node_.advertise<nav_msgs::Path>("nmpc/predicted_path", kQueue);
     const ros::TransportHints no_delay = ros::TransportHints().tcpNoDelay();
     odometry_sub_ = node_.subscribe("odometry", 100, &NmpcNode::on_odometry, this, no_delay);
     mocap_status_sub_ = node_.subscribe("mocap/status", 100, &NmpcNode::on_mocap_status, this, no_delay);

@@ -18,7 +18,7 @@ namespace atmos {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 100;
+constexpr std::uint32_t kQueue = 10000;  // messages: nothing may be lost at many times real time
 constexpr double kTick_s = 0.005;
 
 // Microseconds are what a double resolves; the rest would be noise in the stamp.

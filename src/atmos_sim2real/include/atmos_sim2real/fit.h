@@ -1,0 +1,72 @@
+// Joint maximum-a-posteriori fit of a list of effects to several flights, with the noise level as a nuisance
+// parameter.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "atmos_model/effects.h"
+#include "atmos_sim2real/likelihood.h"
+
+namespace atmos {
+
+// One number of one effect that the fit may change.
+struct FreeParameter {
+  std::size_t effect;   // index into the list of effects
+  std::string name;     // as in model.yaml
+  std::size_t element;  // of arrays and maps, else 0
+  double prior_mean;    // the value at which the effect is absent, where there is one
+  double prior_width;   // standard deviation of what is physically plausible, in the parameter's unit
+  double step;          // for finite differences
+  bool linear =
+      false;  // the residual is linear in it and independent of the others: its column never changes
+};
+
+double& parameter(std::vector<Effect>& effects, const FreeParameter& free);
+double parameter(const std::vector<Effect>& effects, const FreeParameter& free);
+
+struct Fit {
+  std::vector<Effect> effects;
+  std::vector<FreeParameter> free;
+  NoiseModel noise;
+  double log_likelihood = 0.0;
+  // log_likelihood + log prior - Occam factors (Laplace); comparable between fits to the same flights.
+  double evidence = 0.0;
+  Eigen::MatrixXd
+      covariance;  // of the free parameters, corrected for what correlation the residual has left (sandwich)
+  std::vector<Eigen::VectorXd> innovations;  // per flight
+};
+
+// The flights with what all fits need of the vehicle.
+struct Problem {
+  const Vehicle* vehicle;
+  std::vector<Effect> known;  // taken as part of the nominal model
+  std::vector<Flight>* flights;
+
+  Plant plant(const std::vector<Effect>& effects, std::size_t flight) const;
+};
+
+// Evaluates without fitting.
+Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
+             const NoiseModel& noise);
+
+// Columns of the whitened residual by finite differences: one matrix per flight, one column per parameter.
+// Columns of linear parameters are taken from `known` where it is given.
+std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
+                                       const std::vector<FreeParameter>& free,
+                                       const std::vector<Eigen::MatrixXd>* known = nullptr);
+
+// The columns of one flight, whose innovations at `at` are given.
+Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
+                             const std::vector<FreeParameter>& free, std::size_t flight);
+
+// Gauss-Newton with step control from the given effects, at most `iterations` steps; bounds of the parameters
+// hold.
+Fit refine(const Problem& problem, Fit start, int iterations);
+
+// The same with the noise level profiled in between, twice.
+Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
+        const NoiseModel& noise);
+
+}  // namespace atmos

@@ -1,0 +1,34 @@
+// Every kind of the vocabulary as a hypothesis: what is free, what is plausible, and where a search starts.
+// Physics and units only; nothing here knows a data set.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "atmos_sim2real/fit.h"
+
+namespace atmos {
+
+// A place from which a fit can start: an effect, and those of its parameters that a screen may solve for
+// linearly there.
+struct Start {
+  Effect effect;
+  std::vector<std::string> linear;  // empty: the effect as it stands is the column, amplitude 1
+};
+
+struct Hypothesis {
+  std::string kind;
+  int thruster = 0;  // 0: not about one thruster
+  std::vector<Start> starts;
+  std::vector<FreeParameter> free;  // `effect` index to be filled in by the user
+  double penalty = 0.0;  // nats for the choices that no prior width expresses: which thruster, which event
+  bool map = false;      // many coefficients: screens badly, always deserves a fit
+  bool onset = false;    // since_s is searched along the pulses
+  bool one_recording = false;  // an event or a phase: cannot be confirmed on another flight
+};
+
+// All hypotheses for these flights (they fix where floor and tether grids lie), except those found in the
+// innovations themselves (events, oscillations).
+std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights);
+
+}  // namespace atmos

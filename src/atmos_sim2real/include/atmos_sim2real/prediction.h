@@ -1,0 +1,48 @@
+// Open-loop prediction of a recording: the proof of a model, and the `predict` command.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "atmos_sim2real/flight.h"
+
+namespace atmos {
+
+// What the mocap reports at a stamp: the measured point, its velocity in the world, the yaw it shows and its
+// rate.
+struct WindowStart {
+  double stamp_s;
+  PlanarState<double> shown;
+};
+
+struct PredictedPose {
+  double window_start_s;
+  double stamp_s;
+  double x_m, y_m, yaw_rad;
+};
+
+// Reads `stamp,x,y,yaw,vx,vy,yaw_rate`. Throws std::invalid_argument with file, line and rule.
+std::vector<WindowStart> read_window_starts(const std::string& path);
+
+// A start every `horizon_s` from the first second on, each estimated from commands and poses up to its stamp
+// alone.
+std::vector<WindowStart> estimate_window_starts(const Recording& recording, const Vehicle& vehicle,
+                                                const std::vector<Effect>& effects, double horizon_s);
+
+// One window per start: rows every 0.1 s up to the horizon, open loop on the recorded commands. Hidden states
+// come from commands and poses stamped up to the window's start.
+std::vector<PredictedPose> predict(const Recording& recording, const Vehicle& vehicle,
+                                   const std::vector<Effect>& effects, const std::vector<WindowStart>& starts,
+                                   double horizon_s);
+
+// Root mean square of the errors at each window's end against the recording; windows whose end no pose shows
+// are left out.
+struct PredictionError {
+  double position_rms_m = 0.0;
+  double yaw_rms_rad = 0.0;
+  double position_fit_percent = 0.0;  // 100 (1 - |y - predicted| / |y - mean|), MATLAB's convention
+  std::size_t windows = 0;
+};
+PredictionError prediction_error(const Recording& recording, const std::vector<PredictedPose>& predicted);
+
+}  // namespace atmos

@@ -1,0 +1,43 @@
+// What a diagnosis is worth: open-loop prediction errors of nominal and fitted model beside those that noise
+// alone would cause.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "atmos_sim2real/fit.h"
+#include "atmos_sim2real/prediction.h"
+
+namespace atmos {
+
+struct HorizonProof {
+  double horizon_s;
+  PredictionError nominal, fitted, noise_floor;
+};
+
+// Windows of 5 s of one recording, for figures.
+struct PredictedRecording {
+  Recording recording;
+  std::vector<PredictedPose> nominal, fitted;
+};
+
+struct Proof {
+  std::string on;                      // "held-out" or "blocks"
+  std::vector<HorizonProof> horizons;  // 5, 1 and 10 s
+  std::vector<PredictedRecording> predicted;
+};
+
+// On recordings that the fit has not seen.
+Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector<Recording>& held_out);
+
+// Without such recordings: each flight is predicted by parameters refitted to the others or, when it is the
+// only one, each half of it by parameters refitted to the other half. Which effects there are was chosen on
+// all of them.
+Proof prove_on_blocks(const Problem& problem, const Fit& final);
+
+// Errors at the ends of windows from `starts` if the model were right and only `noise` disturbed it: the
+// covariance that a filter has at each start, propagated open loop.
+PredictionError noise_floor(const Recording& recording, const Plant& plant, const NoiseModel& noise,
+                            const std::vector<WindowStart>& starts, double horizon_s);
+
+}  // namespace atmos

@@ -1,0 +1,74 @@
+// Which effects explain the flights: screen every hypothesis, fit the best jointly, keep what the evidence
+// demands.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "atmos_sim2real/library.h"
+
+namespace atmos {
+
+// One hypothesis at its best start, scored by the linearised likelihood gain over the current model.
+struct Screened {
+  const Hypothesis* hypothesis;
+  std::size_t start;
+  double score;               // nats, Occam factor and penalty taken off
+  Eigen::VectorXd amplitude;  // of the start's linear parameters, from neutral
+  Eigen::VectorXd
+      deviation;  // what the flights would leave of each linear parameter's uncertainty, alone in its effect
+  Eigen::VectorXd widths;  // prior widths of the same
+  double gain = 0.0;       // nats, without prior, Occam factor and penalty
+};
+
+// For the p-value: what one hypothesis gains over the nominal model, and with how many parameters.
+struct NominalScore {
+  double gain;
+  int parameters;
+};
+
+// An effect that was tried beside the current model.
+struct Tried {
+  Hypothesis hypothesis;
+  Fit fit;            // the current model with it
+  double gain = 0.0;  // evidence over the current model, nats
+};
+
+// An effect of the final model, with what speaks for it.
+struct Claim {
+  Hypothesis hypothesis;
+  double gain = 0.0;             // evidence it adds to the rest of the final model, nats
+  double heldout_gain = 0.0;     // nats on data its fit has not seen
+  double inclusion = 0.0;        // share of resamples that keep it
+  std::vector<Tried> rivals;     // tried in its place, best first
+  double rival_reference = 0.0;  // the gain it had when they were tried
+};
+
+struct SearchResult {
+  Fit nominal;
+  Fit final;
+  std::vector<Claim> claims;          // one per effect of `final`, in the same order
+  std::vector<Tried> rejected;        // tried beside the final model and not accepted, best first
+  std::vector<Screened> last_screen;  // of the final model; hypotheses of the library
+  std::vector<NominalScore> nominal_scores;
+};
+
+struct SearchOptions {
+  double accept_gain = 12.0;  // nats of evidence a further effect must bring
+  double least_inclusion = 0.8;
+  std::size_t most_effects = 5;
+  std::size_t fitted_per_step = 6;
+  std::uint32_t seed = 1;  // of the resampling
+  std::function<void(const std::string&)> progress = [](const std::string&) {};
+};
+
+// Smooths the flights as it goes: their velocities are those under the final model afterwards.
+SearchResult search(const Problem& problem, const std::vector<Hypothesis>& library,
+                    const SearchOptions& options);
+
+// Scores all hypotheses beside `base`, best first.
+std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library);
+
+}  // namespace atmos

@@ -1,0 +1,123 @@
+#include "atmos_sim2real/crossvalidation.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <random>
+
+namespace atmos {
+
+namespace {
+
+struct Block {
+  std::size_t flight;
+  Eigen::Index first, count;  // frames
+};
+
+std::vector<Block> blocks_of(const std::vector<Flight>& flights, double length_s) {
+  std::vector<Block> blocks;
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    const std::vector<double>& times = flights[f].times();
+    std::size_t first = 0;
+    for (std::size_t i = 1; i <= times.size(); ++i) {
+      if (i == times.size() || times[i] - times[first] >= length_s) {
+        blocks.push_back({f, static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(i - first)});
+        first = i;
+      }
+    }
+  }
+  return blocks;
+}
+
+// Rows of one block: the same frames of all three axes.
+Eigen::VectorXd rows(const Eigen::VectorXd& all, const Block& block) {
+  const Eigen::Index frames = all.size() / kAxes;
+  Eigen::VectorXd out(kAxes * block.count);
+  for (int axis = 0; axis < kAxes; ++axis)
+    out.segment(axis * block.count, block.count) = all.segment(axis * frames + block.first, block.count);
+  return out;
+}
+
+Eigen::MatrixXd rows(const Eigen::MatrixXd& all, const Block& block) {
+  const Eigen::Index frames = all.rows() / kAxes;
+  Eigen::MatrixXd out(kAxes * block.count, all.cols());
+  for (int axis = 0; axis < kAxes; ++axis)
+    out.middleRows(axis * block.count, block.count) =
+        all.middleRows(axis * frames + block.first, block.count);
+  return out;
+}
+
+// Sum of the log standard deviations of each block's innovations.
+std::vector<double> log_deviations(const std::vector<Flight>& flights, const NoiseModel& noise,
+                                   const std::vector<Block>& blocks) {
+  std::vector<double> sums(blocks.size(), 0.0);
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    for (int axis = 0; axis < kAxes; ++axis) {
+      const Whitener whitener(flights[f].times(),
+                              flights[f].scatter_variance()[static_cast<std::size_t>(axis)],
+                              flights[f].travel(), noise, static_cast<Axis>(axis));
+      for (std::size_t k = 0; k < blocks.size(); ++k) {
+        if (blocks[k].flight != f) continue;
+        for (Eigen::Index i = blocks[k].first; i < blocks[k].first + blocks[k].count; ++i)
+          sums[k] += whitener.log_deviation(static_cast<std::size_t>(i));
+      }
+    }
+  }
+  return sums;
+}
+
+// Negative log likelihood of every block when the parameters are fitted without it.
+std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const std::vector<Block>& blocks) {
+  const auto n = static_cast<Eigen::Index>(fit.free.size());
+  std::vector<double> loss = log_deviations(*problem.flights, fit.noise, blocks);
+  if (n == 0) {
+    for (std::size_t k = 0; k < blocks.size(); ++k)
+      loss[k] += 0.5 * rows(fit.innovations[blocks[k].flight], blocks[k]).squaredNorm();
+    return loss;
+  }
+  const std::vector<Eigen::MatrixXd> J = jacobians(problem, fit, fit.free);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const double width = fit.free[static_cast<std::size_t>(p)].prior_width;
+    H(p, p) = 1.0 / (width * width);
+  }
+  for (const Eigen::MatrixXd& j : J) H.noalias() += j.transpose() * j;
+  in_parallel(blocks.size(), [&](std::size_t k) {
+    const Eigen::MatrixXd j = rows(J[blocks[k].flight], blocks[k]);
+    const Eigen::VectorXd e = rows(fit.innovations[blocks[k].flight], blocks[k]);
+    const Eigen::MatrixXd without = H - j.transpose() * j;
+    const Eigen::VectorXd moved = without.ldlt().solve(j.transpose() * e);
+    loss[k] += 0.5 * (e + j * moved).squaredNorm();
+  });
+  return loss;
+}
+
+}  // namespace
+
+BlockEvidence block_evidence(const Problem& problem, const Fit& base, const Fit& fitted, std::uint32_t seed) {
+  const bool several = problem.flights->size() > 1;
+  const std::vector<Block> blocks = blocks_of(*problem.flights, several ? 1e9 : 10.0);
+  const auto gains = [&](const std::vector<Block>& over) {
+    const std::vector<double> without = left_out_loss(problem, base, over);
+    const std::vector<double> with = left_out_loss(problem, fitted, over);
+    std::vector<double> gain(over.size());
+    for (std::size_t k = 0; k < over.size(); ++k) gain[k] = without[k] - with[k];
+    return gain;
+  };
+  BlockEvidence evidence;
+  for (const double gain : gains(blocks)) evidence.heldout_gain += gain;
+
+  evidence.block_gain = gains(blocks_of(*problem.flights, 10.0));
+  std::mt19937_64 random(seed);
+  std::uniform_int_distribution<std::size_t> draw(0, evidence.block_gain.size() - 1);
+  constexpr int kResamples = 200;
+  int wins = 0;
+  for (int r = 0; r < kResamples; ++r) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < evidence.block_gain.size(); ++k) sum += evidence.block_gain[draw(random)];
+    wins += sum > 0.0;
+  }
+  evidence.inclusion = static_cast<double>(wins) / kResamples;
+  return evidence;
+}
+
+}  // namespace atmos

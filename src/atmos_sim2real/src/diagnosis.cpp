@@ -1,0 +1,269 @@
+#include "atmos_sim2real/diagnosis.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <sstream>
+
+namespace atmos {
+
+namespace {
+
+// Slow force that real tables and mocap systems show with nothing wrong: a few millinewtons
+// (docs/diagnosis.md).
+constexpr double kOrdinarySlowForce = 0.012;    // N, standard deviation
+constexpr double kOrdinarySlowTorque = 0.0012;  // N m
+
+// Kinds that pose and command can never separate, whatever is flown (docs/effects.md).
+const std::vector<std::vector<std::string>>& gauges() {
+  static const std::vector<std::vector<std::string>> sets = {
+      {"thrust_scale", "mass_error + inertia_error"},
+      {"floor_tilt", "airflow (uniform)"},
+      {"thruster_dead", "lost command bit"},
+      {"yaw_misalignment", "thruster_misalignment (the same of every thruster)"},
+      {"command_delay", "mocap_latency", "clock offset"}};
+  return sets;
+}
+
+// What every frame of every flight gains when the nominal model is replaced by the final one, at the final
+// noise.
+struct FrameGains {
+  std::vector<Eigen::VectorXd> total;  // per flight, per frame, nats
+  std::array<double, kAxes> by_axis{0, 0, 0};
+  double sum = 0.0;
+};
+
+FrameGains frame_gains(const Problem& problem, const Fit& nominal, const Fit& final) {
+  const Fit before = evaluate(problem, nominal.effects, {}, final.noise);
+  FrameGains gains;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Eigen::Index n = final.innovations[f].size() / kAxes;
+    Eigen::VectorXd total = Eigen::VectorXd::Zero(n);
+    for (int axis = 0; axis < kAxes; ++axis) {
+      const Eigen::VectorXd gain = 0.5 * (before.innovations[f].segment(axis * n, n).array().square() -
+                                          final.innovations[f].segment(axis * n, n).array().square());
+      total += gain;
+      gains.by_axis[static_cast<std::size_t>(axis)] += gain.sum();
+    }
+    gains.sum += total.sum();
+    gains.total.push_back(std::move(total));
+  }
+  return gains;
+}
+
+std::string number(double value, int digits) {
+  std::ostringstream out;
+  out << std::setprecision(digits) << value;
+  return out.str();
+}
+
+// Where the gain is concentrated, relative to how much time was spent there.
+std::vector<Place> locate(const Problem& problem, const FrameGains& gains) {
+  std::vector<Place> places;
+  if (!(gains.sum > 0.0)) return places;
+  const auto add = [&](const std::string& what, const std::string& statement, double nats) {
+    places.push_back({what, statement, std::clamp(nats / gains.sum, 0.0, 1.0)});
+  };
+
+  // Time: the stretch of at least 5 s that holds most of the gain beyond its share of the flight.
+  constexpr double kBlock = 5.0;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    const double begin = flight.times().front();
+    const auto blocks = static_cast<std::size_t>(std::ceil((flight.times().back() - begin) / kBlock)) + 1;
+    std::vector<double> block(blocks, 0.0);
+    double flight_sum = 0.0;
+    for (std::size_t i = 0; i < flight.frames(); ++i) {
+      const double gain = gains.total[f][static_cast<Eigen::Index>(i)];
+      block[static_cast<std::size_t>((flight.times()[i] - begin) / kBlock)] += gain;
+      flight_sum += gain;
+    }
+    if (problem.flights->size() > 1) add("recording", flight.recording().name, flight_sum);
+    const double mean = flight_sum / static_cast<double>(blocks);
+    std::size_t best_first = 0, best_last = 0, first = 0;
+    double best = 0.0, run = 0.0;
+    for (std::size_t b = 0; b < blocks; ++b) {
+      run += block[b] - 1.2 * mean;
+      if (run > best) {
+        best = run;
+        best_first = first;
+        best_last = b;
+      }
+      if (run < 0.0) {
+        run = 0.0;
+        first = b + 1;
+      }
+    }
+    double held = 0.0;
+    for (std::size_t b = best_first; b <= best_last; ++b) held += block[b];
+    const double length = static_cast<double>(best_last - best_first + 1) / static_cast<double>(blocks);
+    if (held > 0.6 * flight_sum && length < 0.7 && held / gains.sum > length + 0.2)
+      add("time",
+          flight.recording().name + ": from " + number(kBlock * static_cast<double>(best_first), 4) +
+              " s to " +
+              number(std::min(kBlock * static_cast<double>(best_last + 1), flight.times().back() - begin),
+                     4) +
+              " s after its start",
+          held);
+  }
+
+  // Regime: how many valves were open in the second before, and which.
+  std::map<int, double> by_open;
+  std::map<int, double> share_of_time;
+  std::map<std::pair<int, int>, std::pair<double, double>> by_cell;  // gain, frames
+  double frames = 0.0;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    std::size_t command = 0;
+    const auto& commands = flight.recording().commands;
+    for (std::size_t i = 0; i < flight.frames(); ++i) {
+      while (command + 1 < commands.size() && commands[command + 1].stamp_s <= flight.times()[i]) ++command;
+      int open = 0;
+      for (const double duty : commands[command].duty) open += std::abs(duty) > 0.02;
+      const double gain = gains.total[f][static_cast<Eigen::Index>(i)];
+      by_open[open] += gain;
+      share_of_time[open] += 1.0;
+      auto& cell = by_cell[{static_cast<int>(std::floor(flight.motion()[i].p_WC.x() / 0.5)),
+                            static_cast<int>(std::floor(flight.motion()[i].p_WC.y() / 0.5))}];
+      cell.first += gain;
+      cell.second += 1.0;
+      frames += 1.0;
+    }
+  }
+  double few = 0.0, few_time = 0.0;
+  for (const auto& [open, gain] : by_open) {
+    if (open <= 1) {
+      few += gain;
+      few_time += share_of_time[open] / frames;
+    }
+  }
+  if ((gains.sum - few) / gains.sum > 1.0 - few_time + 0.1)
+    add("regime", "while two or more valves are open", gains.sum - few);
+  if (few / gains.sum > few_time + 0.1) add("regime", "while at most one valve is open", few);
+  auto best_cell = std::max_element(by_cell.begin(), by_cell.end(), [](const auto& a, const auto& b) {
+    return a.second.first < b.second.first;
+  });
+  if (best_cell != by_cell.end() &&
+      best_cell->second.first / gains.sum > 2.0 * best_cell->second.second / frames + 0.05)
+    add("place",
+        "x " + number(0.5 * best_cell->first.first, 3) + " to " +
+            number(0.5 * (best_cell->first.first + 1), 3) + " m, y " +
+            number(0.5 * best_cell->first.second, 3) + " to " +
+            number(0.5 * (best_cell->first.second + 1), 3) + " m",
+        best_cell->second.first);
+
+  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.share > b.share; });
+  return places;
+}
+
+// Probability that a standard chi-square of `dof` exceeds twice `nats`; even and odd degrees by recursion.
+double exceedance(double nats, int dof) {
+  if (nats <= 0.0) return 1.0;
+  const double x = nats;  // half the chi-square
+  double q = dof % 2 == 0 ? std::exp(-x) : std::erfc(std::sqrt(x));
+  double term = dof % 2 == 0 ? std::exp(-x) : std::sqrt(x) * std::exp(-x) / std::tgamma(1.5);
+  for (int k = dof % 2 == 0 ? 2 : 1; k < dof; k += 2) {
+    if (dof % 2 == 0) {
+      term *= x / (0.5 * k);
+      q += term;
+    } else {
+      q += term;
+      term *= x / (0.5 * k + 1.0);
+    }
+  }
+  return std::min(1.0, q);
+}
+
+}  // namespace
+
+std::string text_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kConsistent:
+      return "consistent";
+    case Verdict::kExplained:
+      return "explained";
+    case Verdict::kPartlyExplained:
+      return "partly_explained";
+    case Verdict::kUnexplained:
+      return "unexplained";
+  }
+  return "";
+}
+
+Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std::vector<Flight>& flights,
+                   const SearchOptions& options) {
+  const Problem problem{&vehicle, known, &flights};
+  const std::vector<Hypothesis> library = hypotheses(vehicle, flights);
+  Diagnosis out;
+  out.search = search(problem, library, options);
+  const SearchResult& found = out.search;
+
+  // A union bound over everything that was screened, at the nominal model's own noise.
+  out.p_value = 0.0;
+  for (const NominalScore& score : found.nominal_scores)
+    out.p_value += exceedance(score.gain, score.parameters);
+  out.p_value = std::min(1.0, out.p_value);
+  if (!found.claims.empty()) out.p_value = std::min(out.p_value, std::exp(-found.claims.front().gain));
+
+  const FrameGains gains = frame_gains(problem, found.nominal, found.final);
+  if (gains.sum > 0.0) {
+    for (int axis = 0; axis < kAxes; ++axis)
+      out.axis_share[static_cast<std::size_t>(axis)] =
+          std::max(0.0, gains.by_axis[static_cast<std::size_t>(axis)]) / gains.sum;
+  }
+  if (!found.claims.empty()) out.where = locate(problem, gains);
+
+  for (const Screened& screened : found.last_screen) {
+    const Start& start = screened.hypothesis->starts[screened.start];
+    if (start.linear.size() == 0 || screened.deviation.size() == 0 || screened.hypothesis->map) continue;
+    for (Eigen::Index p = 0;
+         p < screened.deviation.size() && p < static_cast<Eigen::Index>(start.linear.size()); ++p) {
+      // An effect of this size would gain what acceptance asks for, Occam's factor on top.
+      const double sigma = screened.deviation[p];
+      const double width = screened.widths[p];
+      const double nats =
+          options.accept_gain + std::log(std::max(1.0, width / sigma)) + screened.hypothesis->penalty;
+      const double size = sigma * std::sqrt(2.0 * nats);
+      Detectable& smallest = out.smallest_detectable[screened.hypothesis->kind];
+      if (!smallest.parameter.empty() && smallest.value <= size) continue;
+      smallest.parameter = start.linear[static_cast<std::size_t>(p)];
+      smallest.value = size;
+      for (const EffectInfo& info : registered_effects()) {
+        if (info.kind != screened.hypothesis->kind) continue;
+        for (const ParameterInfo& parameter : info.parameters) {
+          if (parameter.name == smallest.parameter) smallest.unit = parameter.unit;
+        }
+      }
+    }
+  }
+
+  for (const Claim& claim : found.claims) {
+    std::vector<std::string> same;
+    for (const auto& set : gauges()) {
+      if (set.front() == claim.hypothesis.kind) same.assign(set.begin() + 1, set.end());
+    }
+    // Rivals that did as well at the same step, within 3 nats.
+    for (const Tried& rival : claim.rivals) {
+      const bool near = claim.rival_reference - rival.gain < 3.0;
+      if (near && rival.hypothesis.kind != claim.hypothesis.kind &&
+          std::find(same.begin(), same.end(), rival.hypothesis.kind) == same.end())
+        same.push_back(rival.hypothesis.kind);
+    }
+    out.indistinguishable.push_back(std::move(same));
+  }
+
+  const double slow = found.final.noise.slow[kX], slow_yaw = found.final.noise.slow[kYaw];
+  out.unexplained_acceleration_rms = slow;
+  const bool unusual = slow * vehicle.mass_kg > kOrdinarySlowForce ||
+                       slow_yaw * vehicle.inertia_kg_m2.z() > kOrdinarySlowTorque;
+  if (unusual) {
+    out.unexplained_where = slow * vehicle.mass_kg > kOrdinarySlowForce ? "translation" : "yaw";
+    out.verdict = found.claims.empty() ? Verdict::kUnexplained : Verdict::kPartlyExplained;
+  } else {
+    out.verdict = found.claims.empty() ? Verdict::kConsistent : Verdict::kExplained;
+  }
+  return out;
+}
+
+}  // namespace atmos

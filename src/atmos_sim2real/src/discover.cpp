@@ -1,0 +1,175 @@
+#include "atmos_sim2real/discover.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <unsupported/Eigen/FFT>
+
+namespace atmos {
+
+namespace {
+
+constexpr std::size_t kResponse = 400;  // frames: 4 s, by which the filter has forgotten a jump
+constexpr std::size_t kStride = 5;      // frames between places at which a jump is tried
+constexpr std::size_t kMostEvents = 12;
+
+struct Jump {
+  std::size_t flight;
+  std::size_t frame;
+  double gain;             // nats
+  double velocity[kAxes];  // m/s, m/s, rad/s
+};
+
+// The best single jump of one flight given its innovations.
+Jump best_jump(const Flight& flight, std::size_t index, const std::vector<Whitener>& whiteners,
+               const Eigen::VectorXd& e) {
+  const std::size_t n = flight.frames();
+  const std::size_t places = n / kStride;
+  std::vector<Jump> found(places);
+  in_parallel(places, [&](std::size_t k) {
+    const std::size_t at = k * kStride;
+    Jump& jump = found[k];
+    jump = {index, at, 0.0, {0, 0, 0}};
+    if (at < Whitener::kBurnIn || at + 20 >= n) return;
+    std::vector<double> h(kResponse);
+    for (int axis = 0; axis < kAxes; ++axis) {
+      const std::size_t count =
+          whiteners[static_cast<std::size_t>(axis)].step_response(at, kResponse, h.data());
+      const double* tail = e.data() + static_cast<std::size_t>(axis) * n + at + 1;
+      double r = 0.0, power = 1e-300;
+      for (std::size_t j = 0; j < count; ++j) {
+        r -= h[j] * tail[j];
+        power += h[j] * h[j];
+      }
+      jump.velocity[axis] = r / power;
+      jump.gain += 0.5 * r * r / power;
+    }
+  });
+  return *std::max_element(found.begin(), found.end(),
+                           [](const Jump& a, const Jump& b) { return a.gain < b.gain; });
+}
+
+}  // namespace
+
+std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, double least_gain) {
+  ExternalImpulse impulse;
+  double searched = 0.0;
+  for (const Flight& flight : *problem.flights) searched += static_cast<double>(flight.frames() / kStride);
+  const double threshold = least_gain + std::log(searched);
+
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    const PlantProperties properties = problem.plant(fit.effects, f).properties();
+    std::vector<Whitener> whiteners;
+    for (int axis = 0; axis < kAxes; ++axis)
+      whiteners.emplace_back(flight.times(), flight.scatter_variance()[static_cast<std::size_t>(axis)],
+                             flight.travel(), fit.noise, static_cast<Axis>(axis));
+    Eigen::VectorXd e = fit.innovations[f];
+    const std::size_t n = flight.frames();
+    std::vector<double> h(kResponse);
+    while (impulse.events.size() < kMostEvents) {
+      const Jump jump = best_jump(flight, f, whiteners, e);
+      if (jump.gain < threshold) break;
+      const double middle = 0.5 * (flight.times()[jump.frame] + flight.times()[jump.frame + 1]);
+      impulse.events.push_back(
+          {middle - 0.5 * ExternalImpulse::kDuration,
+           {jump.velocity[kX] * properties.mass_kg, jump.velocity[kY] * properties.mass_kg},
+           jump.velocity[kYaw] * properties.inertia_kg_m2});
+      for (int axis = 0; axis < kAxes; ++axis) {
+        const std::size_t count =
+            whiteners[static_cast<std::size_t>(axis)].step_response(jump.frame, kResponse, h.data());
+        for (std::size_t j = 0; j < count; ++j)
+          e[static_cast<Eigen::Index>(static_cast<std::size_t>(axis) * n + jump.frame + 1 + j)] +=
+              h[j] * jump.velocity[axis];
+      }
+    }
+  }
+  if (impulse.events.empty()) return {};
+  std::sort(impulse.events.begin(), impulse.events.end(),
+            [](const ImpulseEvent& a, const ImpulseEvent& b) { return a.time_s < b.time_s; });
+
+  Hypothesis hypothesis;
+  hypothesis.kind = ExternalImpulse::kKind;
+  hypothesis.one_recording = true;
+  hypothesis.starts.push_back({impulse, {}});
+  hypothesis.penalty = std::log(searched) * static_cast<double>(impulse.events.size());
+  for (std::size_t k = 0; k < impulse.events.size(); ++k) {
+    hypothesis.free.push_back({0, "events", 4 * k, impulse.events[k].time_s, 0.2, 4e-3});
+    hypothesis.free.push_back({0, "events", 4 * k + 1, 0.0, 0.5, 1e-3});
+    hypothesis.free.push_back({0, "events", 4 * k + 2, 0.0, 0.5, 1e-3});
+    hypothesis.free.push_back({0, "events", 4 * k + 3, 0.0, 0.05, 1e-4});
+  }
+  return {hypothesis};
+}
+
+std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit, double least_gain) {
+  std::vector<Hypothesis> found;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    const std::size_t n = flight.frames();
+    std::size_t padded = 1;
+    while (padded < 2 * n) padded *= 2;
+    const double rate = static_cast<double>(n - 1) / flight.recording().duration_s();
+    // Innovations put on an even grid in time, so that lost frames do not smear the line.
+    const auto cells = static_cast<std::size_t>(std::lround(flight.recording().duration_s() * rate)) + 1;
+    std::vector<double> power(padded / 2, 0.0);
+    Eigen::FFT<double> fft;
+    for (int axis = kX; axis <= kY; ++axis) {
+      std::vector<double> even(padded, 0.0);
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto cell =
+            static_cast<std::size_t>(std::lround((flight.times()[i] - flight.times()[0]) * rate));
+        if (cell < cells)
+          even[cell] += fit.innovations[f][static_cast<Eigen::Index>(static_cast<std::size_t>(axis) * n + i)];
+      }
+      std::vector<std::complex<double>> spectrum;
+      fft.fwd(spectrum, even);
+      for (std::size_t k = 0; k < power.size(); ++k)
+        power[k] += std::norm(spectrum[k]) / static_cast<double>(n);
+    }
+    // Below 0.3 Hz the slow force is at home; near the frame rate's half nothing is left of a force.
+    const auto bin = [&](double hz) {
+      return static_cast<std::size_t>(hz * static_cast<double>(padded) / rate);
+    };
+    const std::size_t first = bin(0.3), last = std::min(power.size() - 1, bin(0.4 * rate));
+    const std::size_t peak = static_cast<std::size_t>(
+        std::max_element(power.begin() + static_cast<long>(first), power.begin() + static_cast<long>(last)) -
+        power.begin());
+    if (power[peak] < least_gain + std::log(static_cast<double>(last - first))) continue;
+
+    FloorVibration vibration;
+    vibration.frequency_hz = static_cast<double>(peak) * rate / static_cast<double>(padded);
+    vibration.amplitude_n = 1.0;
+    // Amplitudes of sine and cosine along x and y by least squares, then the line along which they swing.
+    Eigen::MatrixXd Z(fit.innovations[f].size(), 4);
+    for (int c = 0; c < 4; ++c) {
+      std::vector<Effect> effects = fit.effects;
+      vibration.direction_rad = c < 2 ? 0.0 : M_PI / 2.0;
+      vibration.phase_rad = c % 2 == 0 ? 0.0 : M_PI / 2.0;
+      effects.push_back(vibration);
+      Z.col(c) =
+          innovations(flight, flight.integrate(problem.plant(effects, f)), fit.noise) - fit.innovations[f];
+    }
+    const Eigen::Vector4d a = (Z.transpose() * Z).ldlt().solve(-Z.transpose() * fit.innovations[f]);
+    Eigen::Matrix2d swing;  // rows: x, y; columns: sine, cosine
+    swing << a[0], a[1], a[2], a[3];
+    const Eigen::JacobiSVD<Eigen::Matrix2d> svd(swing, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    vibration.amplitude_n = svd.singularValues()[0];
+    vibration.direction_rad = std::atan2(svd.matrixU()(1, 0), svd.matrixU()(0, 0));
+    vibration.phase_rad = std::atan2(svd.matrixV()(1, 0), svd.matrixV()(0, 0));
+
+    Hypothesis hypothesis;
+    hypothesis.kind = FloorVibration::kKind;
+    hypothesis.one_recording = true;
+    hypothesis.penalty = std::log(static_cast<double>(last - first));
+    hypothesis.starts.push_back({vibration, {}});
+    hypothesis.free = {{0, "amplitude_n", 0, 0.0, 0.5, 1e-3},
+                       {0, "frequency_hz", 0, vibration.frequency_hz, 0.02, 1e-5},
+                       {0, "phase_rad", 0, vibration.phase_rad, 2.0, 1e-3},
+                       {0, "direction_rad", 0, vibration.direction_rad, 2.0, 1e-3}};
+    found.push_back(std::move(hypothesis));
+  }
+  return found;
+}
+
+}  // namespace atmos

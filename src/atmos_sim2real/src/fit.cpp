@@ -1,0 +1,304 @@
+#include "atmos_sim2real/fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace atmos {
+
+namespace {
+
+// Finds one number inside an effect by its name and element.
+struct Finder {
+  const FreeParameter& wanted;
+  double* found = nullptr;
+
+  void operator()(const ParameterInfo& info, double& value) {
+    if (info.name == wanted.name) found = &value;
+  }
+  void operator()(const ParameterInfo& info, GridRows& rows) {
+    if (info.name != wanted.name) return;
+    const std::size_t width = rows.front().size();
+    found = &rows.at(wanted.element / width).at(wanted.element % width);
+  }
+  void operator()(const ParameterInfo& info, std::vector<ImpulseEvent>& events) {
+    if (info.name != wanted.name) return;
+    ImpulseEvent& event = events.at(wanted.element / 4);
+    double* const numbers[4] = {&event.time_s, &event.impulse_n_s.x(), &event.impulse_n_s.y(),
+                                &event.impulse_yaw_n_m_s};
+    found = numbers[wanted.element % 4];
+  }
+  void operator()(const ParameterInfo& info, std::map<std::string, Unmodelled::Coefficient>& coefficients) {
+    if (info.name != wanted.name) return;
+    found = &std::next(coefficients.begin(), static_cast<long>(wanted.element))->second.value;
+  }
+  template <class Other>
+  void operator()(const ParameterInfo&, Other&) {}
+};
+
+// Sets every number of a map to 0; what places the map stays.
+struct ZeroNumbers {
+  void operator()(const ParameterInfo&, GridRows& rows) const {
+    for (auto& row : rows) std::fill(row.begin(), row.end(), 0.0);
+  }
+  template <class Other>
+  void operator()(const ParameterInfo&, Other&) const {}
+};
+
+Bounds bounds_of(const std::vector<Effect>& effects, const FreeParameter& free) {
+  Bounds bounds;
+  std::visit(
+      [&](const auto& e) {
+        e.parameters(e, [&](const ParameterInfo& info, const auto&) {
+          if (info.name == free.name) bounds = info.bounds;
+        });
+      },
+      effects[free.effect]);
+  return bounds;
+}
+
+double prior_penalty(const Fit& fit) {
+  double sum = 0.0;
+  for (const FreeParameter& free : fit.free) {
+    const double z = (parameter(fit.effects, free) - free.prior_mean) / free.prior_width;
+    sum += 0.5 * z * z;
+  }
+  return sum;
+}
+
+double objective(const Fit& fit) { return fit.log_likelihood - prior_penalty(fit); }
+
+}  // namespace
+
+double& parameter(std::vector<Effect>& effects, const FreeParameter& free) {
+  Finder finder{free};
+  std::visit([&](auto& e) { e.parameters(e, finder); }, effects.at(free.effect));
+  if (finder.found == nullptr) throw std::logic_error("no parameter " + free.name);
+  return *finder.found;
+}
+
+double parameter(const std::vector<Effect>& effects, const FreeParameter& free) {
+  return parameter(const_cast<std::vector<Effect>&>(effects), free);
+}
+
+Plant Problem::plant(const std::vector<Effect>& effects, std::size_t flight) const {
+  std::vector<Effect> all = known;
+  all.insert(all.end(), effects.begin(), effects.end());
+  return Plant(*vehicle, std::move(all), (*flights)[flight].recording().start_s());
+}
+
+Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
+             const NoiseModel& noise) {
+  Fit fit;
+  fit.effects = std::move(effects);
+  fit.free = std::move(free);
+  fit.noise = noise;
+  const std::size_t count = problem.flights->size();
+  fit.innovations.resize(count);
+  std::vector<double> determinants(count);
+  in_parallel(count, [&](std::size_t f) {
+    const Flight& flight = (*problem.flights)[f];
+    const ForceIntegrals forces = flight.integrate(problem.plant(fit.effects, f));
+    fit.innovations[f] = innovations(flight, forces, noise, &determinants[f]);
+  });
+  for (std::size_t f = 0; f < count; ++f)
+    fit.log_likelihood += log_likelihood(fit.innovations[f], determinants[f]);
+  fit.evidence = fit.log_likelihood;
+  return fit;
+}
+
+namespace {
+
+// Effects that decide how a force becomes a measured motion, but push nothing themselves.
+bool shapes_response(const Effect& effect) {
+  return std::holds_alternative<MassError>(effect) || std::holds_alternative<InertiaError>(effect) ||
+         std::holds_alternative<ComOffset>(effect) || std::holds_alternative<MarkerOffset>(effect) ||
+         std::holds_alternative<YawMisalignment>(effect) || std::holds_alternative<MocapLatency>(effect) ||
+         std::holds_alternative<ClockSkew>(effect);
+}
+
+// Column of a linear parameter: the motion that a unit of it alone makes, which needs no thrusters and no
+// valve edges.
+Eigen::VectorXd linear_column(const Problem& problem, const std::vector<Effect>& effects,
+                              const FreeParameter& free, std::size_t flight_index, const NoiseModel& noise) {
+  const Flight& flight = (*problem.flights)[flight_index];
+  Vehicle coasting = *problem.vehicle;
+  coasting.thrusters.clear();
+  std::vector<Effect> acting;
+  for (const std::vector<Effect>* list : {&problem.known, &effects}) {
+    for (const Effect& effect : *list) {
+      if (shapes_response(effect)) acting.push_back(effect);
+    }
+  }
+  std::vector<Effect> alone = {effects[free.effect]};
+  std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, alone.front());
+  FreeParameter unit = free;
+  unit.effect = 0;
+  parameter(alone, unit) = 1.0;
+  acting.push_back(alone.front());
+  ForceIntegrals forces = flight.integrate(Plant(coasting, std::move(acting), flight.recording().start_s()));
+  for (auto& measured : forces.measured) std::fill(measured.begin(), measured.end(), 0.0);
+  return innovations(flight, forces, noise);
+}
+
+// Sum of J' J over the flights; the axes of a flight are worked on side by side.
+Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J) {
+  const Eigen::Index n = J.front().cols();
+  std::vector<Eigen::MatrixXd> parts(J.size() * kAxes, Eigen::MatrixXd::Zero(n, n));
+  in_parallel(parts.size(), [&](std::size_t job) {
+    const Eigen::MatrixXd& j = J[job / kAxes];
+    const Eigen::Index frames = j.rows() / kAxes;
+    parts[job].selfadjointView<Eigen::Lower>().rankUpdate(
+        j.middleRows(static_cast<Eigen::Index>(job % kAxes) * frames, frames).transpose());
+  });
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, n);
+  for (const Eigen::MatrixXd& part : parts) sum += part;
+  return sum.selfadjointView<Eigen::Lower>();
+}
+
+}  // namespace
+
+namespace {
+
+Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
+                       const FreeParameter& free, std::size_t f) {
+  if (free.linear) return linear_column(problem, at.effects, free, f, at.noise);
+  std::vector<Effect> moved = at.effects;
+  double& value = parameter(moved, free);
+  // Step away from the nearer bound.
+  const double step = value + free.step > bounds_of(moved, free).max ? -free.step : free.step;
+  value += step;
+  const Flight& flight = (*problem.flights)[f];
+  const ForceIntegrals forces = flight.integrate(problem.plant(moved, f));
+  return (innovations(flight, forces, at.noise) - innovations_at) / step;
+}
+
+}  // namespace
+
+Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
+                             const std::vector<FreeParameter>& free, std::size_t flight) {
+  Eigen::MatrixXd columns(innovations_at.size(), static_cast<Eigen::Index>(free.size()));
+  for (std::size_t p = 0; p < free.size(); ++p)
+    columns.col(static_cast<Eigen::Index>(p)) = column(problem, at, innovations_at, free[p], flight);
+  return columns;
+}
+
+std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
+                                       const std::vector<FreeParameter>& free,
+                                       const std::vector<Eigen::MatrixXd>* known) {
+  const std::size_t flights = problem.flights->size();
+  std::vector<Eigen::MatrixXd> columns;
+  for (std::size_t f = 0; f < flights; ++f)
+    columns.emplace_back(at.innovations[f].size(), static_cast<Eigen::Index>(free.size()));
+  in_parallel(flights * free.size(), [&](std::size_t job) {
+    const std::size_t f = job % flights, p = job / flights;
+    const auto index = static_cast<Eigen::Index>(p);
+    if (known != nullptr && free[p].linear) {
+      columns[f].col(index) = (*known)[f].col(index);
+    } else {
+      columns[f].col(index) = column(problem, at, at.innovations[f], free[p], f);
+    }
+  });
+  return columns;
+}
+
+Fit refine(const Problem& problem, Fit current, int iterations) {
+  const auto n = static_cast<Eigen::Index>(current.free.size());
+  if (n == 0) return current;
+  Eigen::VectorXd prior_precision(n);
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const double width = current.free[static_cast<std::size_t>(p)].prior_width;
+    prior_precision[p] = 1.0 / (width * width);
+  }
+  Eigen::MatrixXd H;
+  std::vector<Eigen::MatrixXd> J;
+  double damping = 1e-6;
+  for (int iteration = 0; iteration <= iterations; ++iteration) {
+    J = jacobians(problem, current, current.free, J.empty() ? nullptr : &J);
+    H = prior_precision.asDiagonal();
+    Eigen::VectorXd g(n);
+    for (Eigen::Index p = 0; p < n; ++p) {
+      const FreeParameter& free = current.free[static_cast<std::size_t>(p)];
+      g[p] = -prior_precision[p] * (parameter(current.effects, free) - free.prior_mean);
+    }
+    H += information(J);
+    for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
+    if (iteration == iterations) break;
+
+    bool improved = false;
+    double gain = 0.0;
+    for (int attempt = 0; attempt < 6 && !improved; ++attempt) {
+      Eigen::MatrixXd damped = H;
+      damped.diagonal() *= 1.0 + damping;
+      const Eigen::VectorXd step = damped.ldlt().solve(g);
+      std::vector<Effect> moved = current.effects;
+      for (Eigen::Index p = 0; p < n; ++p) {
+        const FreeParameter& free = current.free[static_cast<std::size_t>(p)];
+        const Bounds bounds = bounds_of(moved, free);
+        double& value = parameter(moved, free);
+        value = std::min(bounds.max, std::max(bounds.min, value + step[p]));
+      }
+      Fit trial = evaluate(problem, std::move(moved), current.free, current.noise);
+      gain = objective(trial) - objective(current);
+      if (gain > 0.0) {
+        current = std::move(trial);
+        damping = std::max(1e-9, damping * 0.1);
+        improved = true;
+      } else {
+        damping = std::max(1e-3, damping * 30.0);
+      }
+    }
+    if (!improved) break;
+    if (gain < 1e-2) iteration = iterations - 1;  // one more pass for the matrices at the optimum
+  }
+
+  // Laplace: the prior's width over the posterior's, in nats; covariance from blocks, honest about
+  // correlation.
+  const Eigen::VectorXd width = prior_precision.cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = width.asDiagonal() * H * width.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  const double log_det = 2.0 * factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
+  current.evidence = objective(current) - 0.5 * log_det;
+
+  const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  Eigen::MatrixXd meat = Eigen::MatrixXd(prior_precision.asDiagonal());
+  constexpr Eigen::Index kBlock = 500;  // frames: 5 s
+  for (std::size_t f = 0; f < J.size(); ++f) {
+    const Eigen::Index frames = J[f].rows() / kAxes;
+    for (Eigen::Index begin = 0; begin < frames; begin += kBlock) {
+      const Eigen::Index size = std::min(kBlock, frames - begin);
+      Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
+      for (int axis = 0; axis < kAxes; ++axis) {
+        score += J[f].middleRows(axis * frames + begin, size).transpose() *
+                 current.innovations[f].segment(axis * frames + begin, size);
+      }
+      meat.noalias() += score * score.transpose();
+    }
+  }
+  const Eigen::MatrixXd sandwich = inverse * meat * inverse;
+  // Blocks are few: never claim less than the information says.
+  current.covariance = inverse;
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const double ratio = std::sqrt(std::max(1.0, sandwich(p, p) / inverse(p, p)));
+    current.covariance.row(p) *= ratio;
+    current.covariance.col(p) *= ratio;
+  }
+  return current;
+}
+
+Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
+        const NoiseModel& noise) {
+  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), 4);
+  for (int round = 0; round < 2; ++round) {
+    std::vector<ForceIntegrals> forces(problem.flights->size());
+    in_parallel(forces.size(), [&](std::size_t f) {
+      forces[f] = (*problem.flights)[f].integrate(problem.plant(best.effects, f));
+    });
+    const NoiseModel level = fit_noise(*problem.flights, forces, best.noise, round == 0);
+    best = refine(problem, evaluate(problem, best.effects, best.free, level), 3);
+  }
+  return best;
+}
+
+}  // namespace atmos

@@ -1,0 +1,256 @@
+#include "atmos_sim2real/flight.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+// Cubic Hermite interpolation over an interval of length dt.
+double hermite(double p0, double v0, double p1, double v1, double dt, double s) {
+  const double s2 = s * s, s3 = s2 * s;
+  return (2 * s3 - 3 * s2 + 1) * p0 + (s3 - 2 * s2 + s) * dt * v0 + (-2 * s3 + 3 * s2) * p1 +
+         (s3 - s2) * dt * v1;
+}
+
+// Rauch-Tung-Striebel smoother of one axis: [position, velocity] driven by known velocity changes and white
+// acceleration of intensity q per interval [m^2/s^3].
+void smooth_axis(const std::vector<double>& times, const std::vector<double>& measured,
+                 const std::vector<double>& dv, const std::vector<double>& dp, double variance,
+                 const std::vector<double>& q, std::vector<double>& position, std::vector<double>& velocity) {
+  const std::size_t n = times.size();
+  std::vector<Eigen::Vector2d> x_filtered(n), x_predicted(n);
+  std::vector<Eigen::Matrix2d> P_filtered(n), P_predicted(n);
+  Eigen::Vector2d x(measured[0], 0.0);
+  Eigen::Matrix2d P = Eigen::Vector2d(1e2, 1e1).asDiagonal();
+  for (std::size_t i = 0; i < n; ++i) {
+    x_predicted[i] = x;
+    P_predicted[i] = P;
+    const Eigen::Vector2d K = P.col(0) / (P(0, 0) + variance);
+    x += K * (measured[i] - x[0]);
+    P -= K * P.row(0).eval();
+    x_filtered[i] = x;
+    P_filtered[i] = P;
+    if (i + 1 == n) break;
+    const double dt = times[i + 1] - times[i];
+    x = Eigen::Vector2d(x[0] + dt * x[1] + dp[i], x[1] + dv[i]);
+    Eigen::Matrix2d F;
+    F << 1, dt, 0, 1;
+    P = F * P * F.transpose();
+    P(0, 0) += q[i] * dt * dt * dt / 3.0;
+    P(0, 1) += q[i] * dt * dt / 2.0;
+    P(1, 0) += q[i] * dt * dt / 2.0;
+    P(1, 1) += q[i] * dt;
+  }
+  position.assign(n, 0.0);
+  velocity.assign(n, 0.0);
+  Eigen::Vector2d smoothed = x_filtered[n - 1];
+  position[n - 1] = smoothed[0];
+  velocity[n - 1] = smoothed[1];
+  for (std::size_t i = n - 1; i-- > 0;) {
+    Eigen::Matrix2d F;
+    F << 1, times[i + 1] - times[i], 0, 1;
+    const Eigen::Matrix2d G = P_filtered[i] * F.transpose() * P_predicted[i + 1].inverse();
+    smoothed = x_filtered[i] + G * (smoothed - x_predicted[i + 1]);
+    position[i] = smoothed[0];
+    velocity[i] = smoothed[1];
+  }
+}
+
+}  // namespace
+
+double vehicle_time(const Plant& plant, double stamp) {
+  const PlantProperties& properties = plant.properties();
+  return plant.start_s() +
+         (stamp - plant.start_s() - properties.mocap_latency_s) / (1.0 + properties.stamp_skew);
+}
+
+std::vector<ValveStretch> valve_stretches(const Recording& recording, const Plant& plant, double begin_s,
+                                          double end_s) {
+  ValveSchedule schedule(plant.thruster_count(), plant.properties().timing);
+  for (const ThrusterCommand& command : recording.commands) schedule.add(command);
+  const std::vector<double>& jumps = plant.edges();
+  std::vector<ValveStretch> stretches;
+  for (double t = begin_s; t < end_s;) {
+    double end = std::min(schedule.next_edge(t), end_s);
+    const auto jump = std::upper_bound(jumps.begin(), jumps.end(), t);
+    if (jump != jumps.end()) end = std::min(end, *jump);
+    stretches.push_back({t, end, schedule.openings(t)});
+    t = end;
+  }
+  return stretches;
+}
+
+Flight::Flight(Recording recording) : recording_(std::move(recording)) {
+  for (const PoseSample& pose : recording_.poses) {
+    times_.push_back(pose.time_s);
+    PlanarState<double> state;
+    state.p_WC = {pose.x_m, pose.y_m};
+    state.yaw = pose.yaw_rad;
+    motion_.push_back(state);
+  }
+  for (auto& variance : scatter_variance_) variance.assign(times_.size(), 0.0);
+  travel_.assign(times_.size(), 0.0);
+}
+
+PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
+  const PlanarState<double>&a = motion_[i], &b = motion_[i + 1];
+  const double dt = times_[i + 1] - times_[i];
+  PlanarState<double> at;
+  for (int k = 0; k < 2; ++k) at.p_WC[k] = hermite(a.p_WC[k], a.v_WC[k], b.p_WC[k], b.v_WC[k], dt, fraction);
+  at.yaw = hermite(a.yaw, a.yaw_rate, b.yaw, b.yaw_rate, dt, fraction);
+  at.v_WC = (1.0 - fraction) * a.v_WC + fraction * b.v_WC;
+  at.yaw_rate = (1.0 - fraction) * a.yaw_rate + fraction * b.yaw_rate;
+  return at;
+}
+
+ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame) const {
+  const std::size_t n = frames();
+  ForceIntegrals out;
+  for (int axis = 0; axis < kAxes; ++axis) {
+    out.measured[axis].resize(n);
+    out.dv[axis].assign(n, 0.0);
+    out.dp[axis].assign(n, 0.0);
+  }
+  std::vector<double> instants(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    instants[i] = vehicle_time(plant, times_[i]);
+    PlanarState<double> shown;
+    const PoseSample& pose = recording_.poses[i];
+    shown.p_WC = {pose.x_m, pose.y_m};
+    shown.yaw = pose.yaw_rad;
+    const PlanarState<double> state = plant.from_measured(shown);
+    out.measured[kX][i] = state.p_WC.x();
+    out.measured[kY][i] = state.p_WC.y();
+    out.measured[kYaw][i] = state.yaw;
+  }
+
+  // Hidden states run from t0; forces are needed from the first frame on.
+  const double begin = std::min(plant.start_s(), instants.front());
+  const std::vector<ValveStretch> stretches = valve_stretches(recording_, plant, begin, instants.back());
+  VecX<double> hidden = plant.initial_hidden();
+  const bool evolves = hidden.size() > 1;
+  VecX<double> openings(plant.thruster_count());
+  if (hidden_at_frame != nullptr) hidden_at_frame->assign(n, hidden);
+  std::size_t frame = 0;
+  for (const ValveStretch& stretch : stretches) {
+    openings = Eigen::Map<const VecX<double>>(stretch.openings.data(), plant.thruster_count());
+    double t = stretch.begin_s;
+    while (t < stretch.end_s) {
+      while (frame + 2 < n && instants[frame + 1] <= t) ++frame;
+      const bool before_first = t < instants[0];
+      double end =
+          std::min(stretch.end_s, before_first ? instants[0] : std::max(instants[frame + 1], t + 1e-9));
+      if (evolves) end = std::min(end, t + plant.max_step_s());
+      end = std::min(end, t + 0.02);  // a lost frame must not hide how the force changes on the way
+      const double dt = end - t, middle = 0.5 * (t + end);
+      const double span = instants[frame + 1] - instants[frame];
+      const double fraction = before_first ? 0.0 : std::clamp((middle - instants[frame]) / span, 0.0, 1.0);
+      const PlanarState<double> state = plant.from_measured(motion_at(frame, fraction));
+      PlantRate<double> rate = plant.rate<double>(middle, state, hidden, openings);
+      if (evolves) {
+        // Midpoint rule for the hidden states, whose force is taken in the middle of the step too.
+        const VecX<double> half = hidden + 0.5 * dt * rate.hidden;
+        rate = plant.rate<double>(middle, state, half, openings);
+      }
+      hidden += dt * rate.hidden;
+      if (hidden_at_frame != nullptr) (*hidden_at_frame)[before_first ? 0 : frame + 1] = hidden;
+      if (!before_first) {
+        const double to_next = instants[frame + 1] - middle;
+        const double a[kAxes] = {rate.body.a_WC.x(), rate.body.a_WC.y(), rate.body.yaw_acceleration};
+        for (int axis = 0; axis < kAxes; ++axis) {
+          out.dv[axis][frame] += a[axis] * dt;
+          out.dp[axis][frame] += a[axis] * dt * to_next;
+        }
+      }
+      t = end;
+    }
+  }
+  return out;
+}
+
+void Flight::smooth(const Plant& plant, const NoiseModel& noise, double looseness) {
+  note_scatter(plant);
+  const ForceIntegrals forces = integrate(plant);
+  const std::size_t n = frames();
+  std::array<std::vector<double>, kAxes> position, velocity;
+  for (int axis = 0; axis < kAxes; ++axis) {
+    std::vector<double> q(n);
+    const double drift = 2.0 * noise.slow[axis] * noise.slow[axis] * 0.1;
+    for (std::size_t i = 0; i + 1 < n; ++i) {
+      const double scatter =
+          noise.scatter * noise.scatter * scatter_variance_[axis][i] / (times_[i + 1] - times_[i]);
+      q[i] = looseness * looseness * (drift + scatter);
+    }
+    smooth_axis(times_, forces.measured[axis], forces.dv[axis], forces.dp[axis],
+                noise.mocap[axis] * noise.mocap[axis], q, position[axis], velocity[axis]);
+  }
+  set_motion(plant, position, velocity);
+  note_scatter(plant);
+}
+
+void Flight::track(const Plant& plant, const NoiseModel& noise) {
+  // The first pass knows no velocity, the second has those of the first.
+  for (int pass = 0; pass < 2; ++pass) {
+    note_scatter(plant);
+    const ForceIntegrals forces = integrate(plant);
+    const std::size_t n = frames();
+    std::array<std::vector<double>, kAxes> position, velocity;
+    std::vector<double> innovations(n);
+    for (int axis = 0; axis < kAxes; ++axis) {
+      position[axis].resize(n);
+      velocity[axis].resize(n);
+      Whitener(times_, scatter_variance_[axis], travel_, noise, static_cast<Axis>(axis))
+          .filter(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(),
+                  innovations.data(), position[axis].data(), velocity[axis].data());
+    }
+    set_motion(plant, position, velocity);
+  }
+}
+
+void Flight::set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,
+                        const std::array<std::vector<double>, kAxes>& velocity) {
+  for (std::size_t i = 0; i < frames(); ++i) {
+    PlanarState<double> state;
+    state.p_WC = {position[kX][i], position[kY][i]};
+    state.v_WC = {velocity[kX][i], velocity[kY][i]};
+    state.yaw = position[kYaw][i];
+    state.yaw_rate = velocity[kYaw][i];
+    motion_[i] = plant.measured(state);
+  }
+}
+
+void Flight::note_scatter(const Plant& plant) {
+  const std::size_t n = frames();
+  const PlantProperties& properties = plant.properties();
+  for (auto& variance : scatter_variance_) variance.assign(n, 0.0);
+  travel_.assign(n, 1e-9);
+  for (std::size_t i = 0; i + 1 < n; ++i) travel_[i] = (motion_[i + 1].p_WC - motion_[i].p_WC).norm() + 1e-9;
+
+  std::size_t frame = 0;
+  for (const ThrusterCommand& command : recording_.commands) {
+    for (std::size_t k = 0; k < properties.thrusters.size(); ++k) {
+      const double on = std::abs(command.duty[k]) * command.period_s;
+      if (on <= 0.0) continue;
+      const PlanarThruster& thruster = properties.thrusters[k];
+      const double force = thruster.force_n;
+      const double lever = cross2(thruster.position_m - properties.com_B, thruster.direction);
+      while (frame + 2 < n && times_[frame + 1] <= command.stamp_s) ++frame;
+      for (std::size_t i = frame; i + 1 < n && times_[i] < command.stamp_s + on; ++i) {
+        const double overlap =
+            std::min(times_[i + 1], command.stamp_s + on) - std::max(times_[i], command.stamp_s);
+        if (overlap <= 0.0) continue;
+        const Eigen::Vector2d push_W =
+            rotation_WB(motion_[i].yaw) * thruster.direction * (force / properties.mass_kg);
+        const double spin = force * lever / properties.inertia_kg_m2;
+        // A pulse's impulse varies as a whole: variance (force * on)^2, spread over its duration.
+        scatter_variance_[kX][i] += push_W.x() * push_W.x() * on * overlap;
+        scatter_variance_[kY][i] += push_W.y() * push_W.y() * on * overlap;
+        scatter_variance_[kYaw][i] += spin * spin * on * overlap;
+      }
+    }
+  }
+}
+
+}  // namespace atmos

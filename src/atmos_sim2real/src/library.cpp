@@ -1,0 +1,253 @@
+#include "atmos_sim2real/library.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+FreeParameter free_scalar(const std::string& name, double mean, double width, double step) {
+  return {0, name, 0, mean, width, step};
+}
+
+template <class E>
+Hypothesis simple(const E& effect, std::vector<FreeParameter> free) {
+  Hypothesis hypothesis;
+  hypothesis.kind = E::kKind;
+  std::vector<std::string> names;
+  for (const FreeParameter& parameter : free) names.push_back(parameter.name);
+  hypothesis.starts.push_back({effect, names});
+  hypothesis.free = std::move(free);
+  return hypothesis;
+}
+
+struct Box {
+  double x0, x1, y0, y1;
+};
+
+Box visited(const std::vector<Flight>& flights) {
+  Box box{1e9, -1e9, 1e9, -1e9};
+  for (const Flight& flight : flights) {
+    for (const PoseSample& pose : flight.recording().poses) {
+      box.x0 = std::min(box.x0, pose.x_m);
+      box.x1 = std::max(box.x1, pose.x_m);
+      box.y0 = std::min(box.y0, pose.y_m);
+      box.y1 = std::max(box.y1, pose.y_m);
+    }
+  }
+  return box;
+}
+
+// A grid that covers the visited area and the bearings' reach around it.
+Grid grid_over(const Box& box, double margin, double spacing, std::size_t& nx, std::size_t& ny) {
+  const auto nodes = [&](double length) {
+    return static_cast<std::size_t>(std::max(2.0, std::ceil((length + 2.0 * margin) / spacing) + 1.0));
+  };
+  nx = nodes(box.x1 - box.x0);
+  ny = nodes(box.y1 - box.y0);
+  const double x0 = 0.5 * (box.x0 + box.x1) - 0.5 * spacing * static_cast<double>(nx - 1);
+  const double y0 = 0.5 * (box.y0 + box.y1) - 0.5 * spacing * static_cast<double>(ny - 1);
+  return Grid{{x0, y0}, spacing};
+}
+
+void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights,
+                             std::vector<Hypothesis>& all) {
+  const double which = std::log(static_cast<double>(vehicle.thrusters.size()));
+  for (int k = 1; k <= static_cast<int>(vehicle.thrusters.size()); ++k) {
+    const auto add = [&](Hypothesis hypothesis) {
+      hypothesis.thruster = k;
+      hypothesis.penalty = which;
+      all.push_back(std::move(hypothesis));
+    };
+    ThrusterEfficiency weak;
+    weak.thruster = k;
+    add(simple(weak, {free_scalar("factor", 1.0, 0.25, 1e-3)}));
+
+    ThrusterLeak leak;
+    leak.thruster = k;
+    add(simple(leak, {free_scalar("fraction", 0.0, 0.05, 1e-4)}));
+
+    ThrusterMisalignment canted;
+    canted.thruster = k;
+    add(simple(canted, {free_scalar("angle_rad", 0.0, 0.06, 1e-4)}));
+
+    Hypothesis dead;
+    dead.kind = ThrusterDead::kKind;
+    dead.onset = true;
+    ThrusterDead from_the_start;
+    from_the_start.thruster = k;
+    dead.starts.push_back({from_the_start, {}});
+    for (const Flight& flight : flights) {
+      constexpr double kScan = 8.0;  // s between onsets of the screen
+      for (double t = flight.recording().start_s() + kScan; t < flight.times().back() - 2.0; t += kScan) {
+        ThrusterDead later;
+        later.thruster = k;
+        later.since_s = t;
+        dead.starts.push_back({later, {}});
+      }
+    }
+    add(std::move(dead));
+  }
+}
+
+Hypothesis unevenness(const Box& box, double spacing) {
+  FloorUnevenness floor;
+  std::size_t nx, ny;
+  floor.grid = grid_over(box, 0.2, spacing, nx, ny);
+  floor.height_m.assign(ny, std::vector<double>(nx, 0.0));
+  Hypothesis hypothesis;
+  hypothesis.kind = FloorUnevenness::kKind;
+  hypothesis.map = true;
+  hypothesis.starts.push_back({floor, {"height_m"}});
+  for (std::size_t node = 0; node < nx * ny; ++node) {
+    FreeParameter height{0, "height_m", node, 0.0, 6e-4, 1e-4};
+    height.linear = true;
+    hypothesis.free.push_back(height);
+  }
+  return hypothesis;
+}
+
+Hypothesis airflow(const Box& box, double spacing) {
+  Airflow wind;
+  std::size_t nx, ny;
+  wind.grid = grid_over(box, 0.0, spacing, nx, ny);
+  wind.force_x_n.assign(ny, std::vector<double>(nx, 0.0));
+  wind.force_y_n = wind.force_x_n;
+  Hypothesis hypothesis;
+  hypothesis.kind = Airflow::kKind;
+  hypothesis.map = true;
+  hypothesis.starts.push_back({wind, {"force_x_n", "force_y_n"}});
+  for (const std::string name : {"force_x_n", "force_y_n"}) {
+    for (std::size_t node = 0; node < nx * ny; ++node) {
+      FreeParameter force{0, name, node, 0.0, 0.05, 1e-3};
+      force.linear = true;
+      hypothesis.free.push_back(force);
+    }
+  }
+  return hypothesis;
+}
+
+Hypothesis tether(const Box& box) {
+  Hypothesis hypothesis;
+  hypothesis.kind = Tether::kKind;
+  const double cx = 0.5 * (box.x0 + box.x1), cy = 0.5 * (box.y0 + box.y1);
+  const double half_x = 0.5 * (box.x1 - box.x0), half_y = 0.5 * (box.y1 - box.y0);
+  for (const double u : {-1.8, -1.0, -0.4, 0.4, 1.0, 1.8}) {
+    for (const double v : {-1.8, -1.0, -0.4, 0.4, 1.0, 1.8}) {
+      Tether start;
+      start.anchor_x_m = cx + u * half_x;
+      start.anchor_y_m = cy + v * half_y;
+      for (const double slack : {0.0, 0.5, 1.0, 1.5}) {
+        start.slack_m = slack;
+        hypothesis.starts.push_back({start, {"stiffness_n_m", "damping_n_s_m"}});
+      }
+    }
+  }
+  const double reach = 2.0 * std::max(half_x, half_y) + 0.5;
+  hypothesis.free = {free_scalar("anchor_x_m", cx, reach, 1e-2), free_scalar("anchor_y_m", cy, reach, 1e-2),
+                     free_scalar("slack_m", 0.7, 1.0, 5e-3), free_scalar("stiffness_n_m", 0.0, 0.3, 1e-3),
+                     free_scalar("damping_n_s_m", 0.0, 0.2, 1e-3)};
+  return hypothesis;
+}
+
+Hypothesis friction_patch(const Box& box) {
+  Hypothesis hypothesis;
+  hypothesis.kind = FrictionPatch::kKind;
+  for (double x = box.x0; x <= box.x1 + 1e-9; x += 0.35) {
+    for (double y = box.y0; y <= box.y1 + 1e-9; y += 0.35) {
+      for (const double radius : {0.3, 0.6}) {
+        FrictionPatch patch;
+        patch.center_x_m = x;
+        patch.center_y_m = y;
+        patch.radius_m = radius;
+        hypothesis.starts.push_back({patch, {"coefficient"}});
+      }
+    }
+  }
+  const double cx = 0.5 * (box.x0 + box.x1), cy = 0.5 * (box.y0 + box.y1);
+  hypothesis.free = {free_scalar("coefficient", 0.0, 2e-3, 2e-5),
+                     free_scalar("center_x_m", cx, 0.5 * (box.x1 - box.x0) + 0.3, 1e-2),
+                     free_scalar("center_y_m", cy, 0.5 * (box.y1 - box.y0) + 0.3, 1e-2),
+                     free_scalar("radius_m", 0.4, 0.4, 1e-2)};
+  return hypothesis;
+}
+
+Hypothesis slosh() {
+  Hypothesis hypothesis;
+  hypothesis.kind = Slosh::kKind;
+  for (double f = 0.15; f < 4.0; f *= 1.2) {
+    Slosh start;
+    start.mass_kg = 0.3;
+    start.frequency_hz = f;
+    start.damping_ratio = 0.05;
+    hypothesis.starts.push_back({start, {}});
+  }
+  hypothesis.free = {free_scalar("mass_kg", 0.0, 0.7, 1e-2), free_scalar("frequency_hz", 0.8, 0.8, 2e-3),
+                     free_scalar("damping_ratio", 0.05, 0.08, 2e-3), free_scalar("x_m", 0.0, 0.08, 2e-3),
+                     free_scalar("y_m", 0.0, 0.08, 2e-3)};
+  return hypothesis;
+}
+
+}  // namespace
+
+std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights) {
+  std::vector<Hypothesis> all;
+  all.push_back(simple(ThrustScale{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));
+  add_thruster_hypotheses(vehicle, flights, all);
+  all.push_back(simple(CommandDelay{}, {free_scalar("delay_s", 0.0, 0.03, 1e-3)}));
+  all.push_back(simple(ValveDelay{},
+                       {free_scalar("open_s", 0.0, 0.015, 5e-4), free_scalar("close_s", 0.0, 0.015, 5e-4)}));
+
+  Hypothesis rise;
+  rise.kind = ThrustRise::kKind;
+  for (const double tau : {0.005, 0.02}) {
+    ThrustRise start;
+    start.time_constant_s = tau;
+    rise.starts.push_back({start, {}});
+  }
+  rise.free = {free_scalar("time_constant_s", 0.0, 0.03, 5e-4)};
+  all.push_back(rise);
+
+  all.push_back(simple(SupplyCoupling{}, {free_scalar("fraction_per_open_thruster", 0.0, 0.08, 1e-4)}));
+  Hypothesis droop;
+  droop.kind = SupplyDroop::kKind;
+  for (const double recovery : {0.1, 0.3, 1.0, 3.0, 10.0}) {
+    SupplyDroop start;
+    start.recovery_s = recovery;
+    droop.starts.push_back({start, {"loss_per_s"}});
+  }
+  droop.free = {free_scalar("loss_per_s", 0.0, 0.4, 1e-3), free_scalar("recovery_s", 1.0, 2.0, 1e-2)};
+  all.push_back(droop);
+  all.push_back(simple(PressureDecay{}, {free_scalar("fraction_per_kg", 0.0, 0.6, 1e-3)}));
+
+  all.push_back(simple(MassError{}, {free_scalar("factor", 1.0, 0.12, 1e-3)}));
+  all.push_back(simple(InertiaError{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));
+  MassDepletion depletion;
+  depletion.kg_per_open_second = 0.0;
+  all.push_back(simple(depletion, {free_scalar("kg_per_open_second", 0.0, 0.005, 1e-4)}));
+  all.push_back(
+      simple(ComOffset{}, {free_scalar("x_m", 0.0, 0.015, 1e-4), free_scalar("y_m", 0.0, 0.015, 1e-4)}));
+  all.push_back(slosh());
+
+  all.push_back(simple(FloorTilt{},
+                       {free_scalar("slope_x", 0.0, 8e-4, 1e-5), free_scalar("slope_y", 0.0, 8e-4, 1e-5)}));
+  const Box box = visited(flights);
+  for (const double spacing : {0.6, 0.42, 0.3}) all.push_back(unevenness(box, spacing));
+  all.push_back(airflow(box, 0.9));
+  all.push_back(tether(box));
+  all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 0.4, 1e-3),
+                                       free_scalar("angular_n_m_s", 0.0, 0.01, 1e-4)}));
+  all.push_back(simple(QuadraticDrag{}, {free_scalar("coefficient_n_s2_m2", 0.0, 2.0, 1e-2)}));
+  all.push_back(simple(CoulombFriction{}, {free_scalar("coefficient", 0.0, 1e-3, 1e-5)}));
+  all.push_back(friction_patch(box));
+
+  all.push_back(simple(MocapLatency{}, {free_scalar("delay_s", 0.0, 0.03, 1e-3)}));
+  all.push_back(
+      simple(MarkerOffset{}, {free_scalar("x_m", 0.0, 0.02, 1e-4), free_scalar("y_m", 0.0, 0.02, 1e-4)}));
+  all.push_back(simple(YawMisalignment{}, {free_scalar("angle_rad", 0.0, 0.04, 1e-4)}));
+  all.push_back(simple(ClockSkew{}, {free_scalar("ratio", 0.0, 1e-3, 1e-6)}));
+  return all;
+}
+
+}  // namespace atmos

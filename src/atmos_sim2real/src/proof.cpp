@@ -1,0 +1,259 @@
+#include "atmos_sim2real/proof.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+constexpr std::array<double, 3> kHorizons{5.0, 1.0, 10.0};  // s; figures show the first
+
+// Covariance of [position, velocity, slow acceleration, distortion] of one axis: truth minus estimate.
+struct AxisCovariance {
+  double mocap2, slow2, distortion2, slow_time, length, scatter2;
+  Eigen::Matrix4d P;
+
+  AxisCovariance(const NoiseModel& noise, int axis)
+      : mocap2(noise.mocap[axis] * noise.mocap[axis]),
+        slow2(noise.slow[axis] * noise.slow[axis]),
+        distortion2(noise.distortion[axis] * noise.distortion[axis]),
+        slow_time(noise.slow_time_s),
+        length(noise.distortion_length_m),
+        scatter2(noise.scatter * noise.scatter),
+        P(Eigen::Vector4d(1e2, 1e1, slow2, distortion2).asDiagonal()) {}
+
+  double shown_variance() const { return P(0, 0) + 2.0 * P(0, 3) + P(3, 3) + mocap2; }
+
+  void see() {
+    const Eigen::Vector4d PH = P.col(0) + P.col(3);
+    P -= PH * PH.transpose() / shown_variance();
+  }
+
+  // A prediction knows position and velocity of its start, but takes no slow force and no distortion into
+  // account: those stay at their prior. An optimal estimate is uncorrelated with its own error, so that the
+  // cross covariances stay.
+  void forget_what_predictions_leave_out() {
+    P(2, 2) = slow2;
+    P(3, 3) = distortion2;
+  }
+
+  void advance(double dt, double scatter_variance, double travel) {
+    const double decay = std::exp(-dt / slow_time);
+    const double keep = std::exp(-travel / length);
+    Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
+    F(0, 1) = dt;
+    F(1, 2) = slow_time * (1.0 - decay);
+    F(0, 2) = slow_time * (dt - F(1, 2));
+    F(2, 2) = decay;
+    F(3, 3) = keep;
+    P = F * P * F.transpose();
+    const double q = scatter2 * scatter_variance;
+    P(0, 0) += q * dt * dt / 3.0;
+    P(0, 1) += q * dt / 2.0;
+    P(1, 0) += q * dt / 2.0;
+    P(1, 1) += q;
+    P(2, 2) += slow2 * (1.0 - decay * decay);
+    P(3, 3) += distortion2 * (1.0 - keep * keep);
+  }
+};
+
+// Joins the errors of several recordings, weighted by their windows.
+struct Joined {
+  double squares = 0.0, yaw_squares = 0.0, spread = 0.0;
+  std::size_t windows = 0;
+
+  void add(const PredictionError& error, double spread_rms) {
+    const auto n = static_cast<double>(error.windows);
+    squares += n * error.position_rms_m * error.position_rms_m;
+    yaw_squares += n * error.yaw_rms_rad * error.yaw_rms_rad;
+    spread += n * spread_rms * spread_rms;
+    windows += error.windows;
+  }
+  PredictionError total() const {
+    PredictionError error;
+    error.windows = windows;
+    if (windows == 0) return error;
+    const auto n = static_cast<double>(windows);
+    error.position_rms_m = std::sqrt(squares / n);
+    error.yaw_rms_rad = std::sqrt(yaw_squares / n);
+    error.position_fit_percent = spread > 0.0 ? 100.0 * (1.0 - std::sqrt(squares / spread)) : 0.0;
+    return error;
+  }
+};
+
+// Root mean square distance of the measured points from their mean, which the fit percentage is made of.
+double spread_of(const PredictionError& error) {
+  const double ratio = 1.0 - error.position_fit_percent / 100.0;
+  return ratio > 1e-12 ? error.position_rms_m / ratio : 0.0;
+}
+
+// A recording, the part of it that windows may lie in, and the model that has not seen that part.
+struct Unseen {
+  const Recording* recording;
+  double begin_s, end_s;
+  std::vector<Effect> fitted;
+};
+
+std::vector<WindowStart> every(const std::vector<WindowStart>& starts, double horizon_s, double end_s) {
+  std::vector<WindowStart> chosen;
+  for (const WindowStart& start : starts) {
+    const bool due = chosen.empty() || start.stamp_s > chosen.back().stamp_s + horizon_s - 0.5;
+    if (due && start.stamp_s + horizon_s <= end_s + 1e-6) chosen.push_back(start);
+  }
+  return chosen;
+}
+
+Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<Unseen>& parts) {
+  std::array<std::array<Joined, 3>, kHorizons.size()> joined;
+  struct Result {
+    std::array<std::array<PredictionError, 3>, kHorizons.size()> errors;
+    std::vector<PredictedPose> nominal, fitted;
+  };
+  std::vector<Result> results(parts.size());
+  in_parallel(parts.size(), [&](std::size_t p) {
+    const Unseen& part = parts[p];
+    const Recording& recording = *part.recording;
+    std::vector<Effect> fitted = problem.known;
+    fitted.insert(fitted.end(), part.fitted.begin(), part.fitted.end());
+    const auto starts_of = [&](const std::vector<Effect>& effects) {
+      std::vector<WindowStart> starts = estimate_window_starts(recording, *problem.vehicle, effects, 1.0);
+      starts.erase(std::remove_if(starts.begin(), starts.end(),
+                                  [&](const WindowStart& start) {
+                                    return start.stamp_s < part.begin_s || start.stamp_s > part.end_s;
+                                  }),
+                   starts.end());
+      return starts;
+    };
+    const std::vector<WindowStart> nominal_starts = starts_of(problem.known);
+    const std::vector<WindowStart> fitted_starts = part.fitted.empty() ? nominal_starts : starts_of(fitted);
+    const Plant plant(*problem.vehicle, fitted, recording.start_s());
+    for (std::size_t h = 0; h < kHorizons.size(); ++h) {
+      const double horizon = kHorizons[h];
+      const auto rows = [&](const std::vector<Effect>& effects, const std::vector<WindowStart>& starts) {
+        return predict(recording, *problem.vehicle, effects, every(starts, horizon, part.end_s), horizon);
+      };
+      const std::vector<PredictedPose> nominal_rows = rows(problem.known, nominal_starts);
+      const std::vector<PredictedPose> fitted_rows =
+          part.fitted.empty() ? nominal_rows : rows(fitted, fitted_starts);
+      auto& [nominal, with_effects, floor] = results[p].errors[h];
+      nominal = prediction_error(recording, nominal_rows);
+      with_effects = prediction_error(recording, fitted_rows);
+      floor = noise_floor(recording, plant, noise, every(fitted_starts, horizon, part.end_s), horizon);
+      floor.windows = nominal.windows;
+      if (h == 0) {
+        results[p].nominal = nominal_rows;
+        results[p].fitted = fitted_rows;
+      }
+    }
+  });
+
+  Proof proof;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    for (std::size_t h = 0; h < kHorizons.size(); ++h) {
+      const double spread = spread_of(results[p].errors[h][0]);
+      for (std::size_t k = 0; k < 3; ++k) joined[h][k].add(results[p].errors[h][k], spread);
+    }
+    const bool continues = p > 0 && parts[p].recording == parts[p - 1].recording;
+    if (!continues) proof.predicted.push_back({*parts[p].recording, {}, {}});
+    PredictedRecording& shown = proof.predicted.back();
+    shown.nominal.insert(shown.nominal.end(), results[p].nominal.begin(), results[p].nominal.end());
+    shown.fitted.insert(shown.fitted.end(), results[p].fitted.begin(), results[p].fitted.end());
+  }
+  for (std::size_t h = 0; h < kHorizons.size(); ++h) {
+    proof.horizons.push_back(
+        {kHorizons[h], joined[h][0].total(), joined[h][1].total(), joined[h][2].total()});
+  }
+  return proof;
+}
+
+// The model's parameters as other flights have them.
+std::vector<Effect> refitted(const Problem& problem, const Fit& final, std::vector<Flight> others) {
+  if (final.free.empty()) return final.effects;
+  const Problem rest{problem.vehicle, problem.known, &others};
+  for (std::size_t f = 0; f < others.size(); ++f)
+    others[f].smooth(rest.plant(final.effects, f), final.noise, 4.0);
+  return refine(rest, evaluate(rest, final.effects, final.free, final.noise), 3).effects;
+}
+
+Recording between(Recording recording, double begin_s, double end_s) {
+  auto& poses = recording.poses;
+  poses.erase(
+      std::remove_if(poses.begin(), poses.end(),
+                     [&](const PoseSample& pose) { return pose.time_s < begin_s || pose.time_s > end_s; }),
+      poses.end());
+  return recording;
+}
+
+}  // namespace
+
+PredictionError noise_floor(const Recording& recording, const Plant& plant, const NoiseModel& noise,
+                            const std::vector<WindowStart>& starts, double horizon_s) {
+  Flight flight(recording);
+  flight.smooth(plant, noise, 1.0);
+  const std::vector<double>& times = flight.times();
+  PredictionError error;
+  double squares[kAxes] = {0.0, 0.0, 0.0};
+  for (int axis = 0; axis < kAxes; ++axis) {
+    const std::vector<double>& scatter = flight.scatter_variance()[static_cast<std::size_t>(axis)];
+    AxisCovariance filter(noise, axis);
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < times.size() && next < starts.size(); ++i) {
+      filter.see();
+      if (times[i] >= starts[next].stamp_s - 1e-6) {
+        AxisCovariance window = filter;
+        window.forget_what_predictions_leave_out();
+        for (std::size_t j = i; j + 1 < times.size() && times[j] < starts[next].stamp_s + horizon_s; ++j)
+          window.advance(times[j + 1] - times[j], scatter[j], flight.travel()[j]);
+        squares[axis] += window.shown_variance();
+        ++next;
+      }
+      if (i + 1 < times.size()) filter.advance(times[i + 1] - times[i], scatter[i], flight.travel()[i]);
+    }
+    if (axis == 0) error.windows = next;
+  }
+  if (error.windows == 0) return error;
+  const auto n = static_cast<double>(error.windows);
+  error.position_rms_m = std::sqrt((squares[kX] + squares[kY]) / n);
+  error.yaw_rms_rad = std::sqrt(squares[kYaw] / n);
+  return error;
+}
+
+Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector<Recording>& held_out) {
+  std::vector<Unseen> parts;
+  for (const Recording& recording : held_out)
+    parts.push_back(
+        {&recording, recording.poses.front().time_s, recording.poses.back().time_s, final.effects});
+  Proof proof = prove(problem, final.noise, parts);
+  proof.on = "held-out";
+  return proof;
+}
+
+Proof prove_on_blocks(const Problem& problem, const Fit& final) {
+  const std::vector<Flight>& flights = *problem.flights;
+  std::vector<Unseen> parts;
+  if (flights.size() > 1) {
+    for (std::size_t f = 0; f < flights.size(); ++f) {
+      std::vector<Flight> others;
+      for (std::size_t g = 0; g < flights.size(); ++g) {
+        if (g != f) others.push_back(flights[g]);
+      }
+      parts.push_back({&flights[f].recording(), flights[f].times().front(), flights[f].times().back(),
+                       refitted(problem, final, std::move(others))});
+    }
+  } else {
+    const Recording& recording = flights.front().recording();
+    const double begin = recording.poses.front().time_s, end = recording.poses.back().time_s;
+    const double middle = 0.5 * (begin + end);
+    parts.push_back(
+        {&recording, begin, middle, refitted(problem, final, {Flight(between(recording, middle, end))})});
+    parts.push_back(
+        {&recording, middle, end, refitted(problem, final, {Flight(between(recording, begin, middle))})});
+  }
+  Proof proof = prove(problem, final.noise, parts);
+  proof.on = "blocks";
+  return proof;
+}
+
+}  // namespace atmos

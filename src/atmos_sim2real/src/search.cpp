@@ -1,0 +1,457 @@
+#include "atmos_sim2real/search.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "atmos_sim2real/crossvalidation.h"
+#include "atmos_sim2real/discover.h"
+
+namespace atmos {
+
+namespace {
+
+// Which of a hypothesis' free parameters carry a name.
+std::vector<FreeParameter> named(const std::vector<FreeParameter>& all,
+                                 const std::vector<std::string>& names) {
+  std::vector<FreeParameter> chosen;
+  for (const FreeParameter& free : all) {
+    if (std::find(names.begin(), names.end(), free.name) != names.end()) chosen.push_back(free);
+  }
+  return chosen;
+}
+
+std::vector<FreeParameter> at_effect(std::vector<FreeParameter> free, std::size_t effect) {
+  for (FreeParameter& parameter : free) parameter.effect = effect;
+  return free;
+}
+
+// Base columns in information form, so that a candidate costs one Schur complement.
+struct Base {
+  std::vector<Eigen::MatrixXd> J;
+  Eigen::LDLT<Eigen::MatrixXd> information;
+};
+
+Base prepare(const Problem& problem, const Fit& fit) {
+  Base base;
+  const auto n = static_cast<Eigen::Index>(fit.free.size());
+  if (n == 0) return base;
+  base.J = jacobians(problem, fit, fit.free);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const double width = fit.free[static_cast<std::size_t>(p)].prior_width;
+    A(p, p) = 1.0 / (width * width);
+  }
+  for (const Eigen::MatrixXd& J : base.J) A.noalias() += J.transpose() * J;
+  base.information = A.ldlt();
+  return base;
+}
+
+Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
+  Fit extended = base;
+  const std::size_t index = extended.effects.size();
+  const Start& start = hypothesis.starts[at.start];
+  extended.effects.push_back(start.effect);
+  for (const FreeParameter& free : at_effect(hypothesis.free, index)) extended.free.push_back(free);
+  const std::vector<FreeParameter> linear = at_effect(named(hypothesis.free, start.linear), index);
+  for (std::size_t p = 0; p < linear.size(); ++p)
+    parameter(extended.effects, linear[p]) += at.amplitude[static_cast<Eigen::Index>(p)];
+  return extended;
+}
+
+// Keeps every parameter within what its effect allows.
+void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free) {
+  for (const FreeParameter& f : free) {
+    std::visit(
+        [&](const auto& e) {
+          e.parameters(e, [&](const ParameterInfo& info, const auto&) {
+            if (info.name != f.name) return;
+            double& value = parameter(effects, f);
+            value = std::min(info.bounds.max, std::max(info.bounds.min, value));
+          });
+        },
+        effects[f.effect]);
+  }
+}
+
+// since_s of a dead thruster only matters where pulses begin: tries them, coarse to fine.
+Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
+  ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
+  if (dead == nullptr || dead->since_s == 0.0) return fit;
+  double reach = 12.0;
+  while (reach > 0.05) {
+    const double middle = std::get<ThrusterDead>(fit.effects[effect]).since_s;
+    for (int k = -4; k <= 4; ++k) {
+      if (k == 0) continue;
+      std::vector<Effect> moved = fit.effects;
+      std::get<ThrusterDead>(moved[effect]).since_s = middle + k * reach / 4.0;
+      Fit trial = evaluate(problem, std::move(moved), fit.free, fit.noise);
+      if (trial.log_likelihood > fit.log_likelihood) fit = std::move(trial);
+    }
+    reach *= 0.4;
+  }
+  return fit;
+}
+
+void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
+                double looseness) {
+  in_parallel(problem.flights->size(), [&](std::size_t f) {
+    (*problem.flights)[f].smooth(problem.plant(effects, f), noise, looseness);
+  });
+}
+
+NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects,
+                         const NoiseModel& start) {
+  std::vector<ForceIntegrals> forces(problem.flights->size());
+  in_parallel(forces.size(),
+              [&](std::size_t f) { forces[f] = (*problem.flights)[f].integrate(problem.plant(effects, f)); });
+  return fit_noise(*problem.flights, forces, start, true);
+}
+
+}  // namespace
+
+std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
+                             const std::vector<Hypothesis>& library) {
+  const Base base = prepare(problem, base_fit);
+  const std::size_t flights = problem.flights->size();
+  struct Job {
+    const Hypothesis* hypothesis;
+    std::size_t start;
+  };
+  std::vector<Job> jobs;
+  for (const Hypothesis& hypothesis : library) {
+    for (std::size_t s = 0; s < hypothesis.starts.size(); ++s) jobs.push_back({&hypothesis, s});
+  }
+  std::vector<Screened> scored(jobs.size());
+  in_parallel(jobs.size(), [&](std::size_t j) {
+    const Hypothesis& hypothesis = *jobs[j].hypothesis;
+    const Start& start = hypothesis.starts[jobs[j].start];
+    std::vector<Effect> effects = base_fit.effects;
+    effects.push_back(start.effect);
+    const std::vector<FreeParameter> linear =
+        at_effect(named(hypothesis.free, start.linear), effects.size() - 1);
+    const auto n = static_cast<Eigen::Index>(std::max<std::size_t>(1, linear.size()));
+    const bool presence = linear.empty();
+
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(n);
+    const Eigen::Index b = base.J.empty() ? 0 : base.J.front().cols();
+    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(b, n);
+    Eigen::VectorXd base_gradient = Eigen::VectorXd::Zero(b);
+    for (std::size_t f = 0; f < flights; ++f) {
+      const Flight& flight = (*problem.flights)[f];
+      const auto residual = [&](const std::vector<Effect>& model) {
+        return innovations(flight, flight.integrate(problem.plant(model, f)), base_fit.noise);
+      };
+      Eigen::MatrixXd Z(base_fit.innovations[f].size(), n);
+      if (presence) {
+        Z.col(0) = residual(effects) - base_fit.innovations[f];
+      } else {
+        Fit at;
+        at.effects = effects;
+        at.noise = base_fit.noise;
+        Z = column_block(problem, at, base_fit.innovations[f], linear, f);
+      }
+      H.noalias() += Z.transpose() * Z;
+      g.noalias() -= Z.transpose() * base_fit.innovations[f];
+      if (b > 0) {
+        cross.noalias() += base.J[f].transpose() * Z;
+        base_gradient.noalias() -= base.J[f].transpose() * base_fit.innovations[f];
+      }
+    }
+    if (b > 0) {
+      H.noalias() -= cross.transpose() * base.information.solve(cross);
+      // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
+    }
+    Screened& out = scored[j];
+    out.hypothesis = &hypothesis;
+    out.start = jobs[j].start;
+    if (presence) {
+      const double amplitude = std::clamp(g[0] / std::max(H(0, 0), 1e-12), 0.0, 1.0);
+      out.amplitude = Eigen::VectorXd();
+      out.gain = amplitude * g[0] - 0.5 * amplitude * amplitude * H(0, 0);
+      out.score = out.gain - 3.0;
+    } else {
+      Eigen::MatrixXd S = H;
+      double log_occam = 0.0;
+      for (Eigen::Index p = 0; p < n; ++p) {
+        const double width = linear[static_cast<std::size_t>(p)].prior_width;
+        S(p, p) += 1.0 / (width * width);
+        log_occam += std::log(width);
+      }
+      out.deviation = S.llt().solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
+      out.widths = Eigen::VectorXd(n);
+      for (Eigen::Index p = 0; p < n; ++p) out.widths[p] = linear[static_cast<std::size_t>(p)].prior_width;
+      const Eigen::LLT<Eigen::MatrixXd> factor(S);
+      out.amplitude = factor.solve(g);
+      log_occam += factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
+      // What the bounds forbid earns nothing.
+      std::vector<Effect> moved = effects;
+      for (Eigen::Index p = 0; p < n; ++p) {
+        double& value = parameter(moved, linear[static_cast<std::size_t>(p)]);
+        const double neutral = value;
+        value += out.amplitude[p];
+        clamp_to_bounds(moved, {linear[static_cast<std::size_t>(p)]});
+        out.amplitude[p] = value - neutral;
+      }
+      out.gain = out.amplitude.dot(g) - 0.5 * out.amplitude.dot(H * out.amplitude);
+      out.score = out.amplitude.dot(g) - 0.5 * out.amplitude.dot(S * out.amplitude) - log_occam;
+    }
+    out.score -= hypothesis.penalty + std::log(static_cast<double>(hypothesis.starts.size()));
+  });
+  std::sort(scored.begin(), scored.end(),
+            [](const Screened& a, const Screened& b) { return a.score > b.score; });
+  return scored;
+}
+
+namespace {
+
+// Fits the current model with one screened hypothesis.
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
+  const Hypothesis& hypothesis = *candidate.hypothesis;
+  Fit extended = with(current, hypothesis, candidate);
+  clamp_to_bounds(extended.effects, extended.free);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
+  double choices = hypothesis.penalty;
+  if (hypothesis.onset) {
+    fitted = refine_onset(problem, std::move(fitted), current.effects.size());
+    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
+    choices += std::log(static_cast<double>(hypothesis.starts.size()));
+  }
+  const double gain = fitted.evidence - current.evidence - choices;
+  return {hypothesis, std::move(fitted), gain};
+}
+
+// How far open-loop motion over 5 s strays from the recording when it starts on the smoothed motion: root
+// mean square of position [m] and of yaw [rad]. Quick enough to judge every candidate by.
+struct OpenLoopError {
+  double position_m;
+  double yaw_rad;
+};
+
+OpenLoopError open_loop_error(const Problem& problem, const std::vector<Effect>& effects) {
+  constexpr double kHorizon = 5.0, kEvery = 1.0;
+  double squares[kAxes] = {0, 0, 0};
+  double windows = 0.0;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    const Plant plant = problem.plant(effects, f);
+    const ForceIntegrals forces = flight.integrate(plant);
+    const std::vector<double>& t = flight.times();
+    for (std::size_t begin = 0, end = 0; begin < t.size(); ++begin) {
+      if (begin > 0 && std::floor(t[begin] / kEvery) == std::floor(t[begin - 1] / kEvery)) continue;
+      while (end < t.size() && t[end] < t[begin] + kHorizon) ++end;
+      if (end == t.size()) break;
+      const PlanarState<double> start = plant.from_measured(flight.motion()[begin]);
+      const double p0[kAxes] = {start.p_WC.x(), start.p_WC.y(), start.yaw};
+      const double v0[kAxes] = {start.v_WC.x(), start.v_WC.y(), start.yaw_rate};
+      for (int axis = 0; axis < kAxes; ++axis) {
+        double p = p0[axis], v = v0[axis];
+        for (std::size_t i = begin; i < end; ++i) {
+          p += v * (t[i + 1] - t[i]) + forces.dp[static_cast<std::size_t>(axis)][i];
+          v += forces.dv[static_cast<std::size_t>(axis)][i];
+        }
+        const double error = p - forces.measured[static_cast<std::size_t>(axis)][end];
+        squares[axis] += error * error;
+      }
+      windows += 1.0;
+    }
+  }
+  windows = std::max(windows, 1.0);
+  return {std::sqrt((squares[kX] + squares[kY]) / windows), std::sqrt(squares[kYaw] / windows)};
+}
+
+// Whether going from `before` to `after` wins back enough of what the nominal model gets wrong to be worth a
+// name.
+bool worth_a_name(const OpenLoopError& nominal, const OpenLoopError& before, const OpenLoopError& after) {
+  constexpr double kShare = 0.03;
+  return before.position_m - after.position_m > kShare * nominal.position_m ||
+         before.yaw_rad - after.yaw_rad > kShare * nominal.yaw_rad;
+}
+
+// The model without effect `index`, refitted.
+Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
+  std::vector<Effect> effects = fit_with.effects;
+  effects.erase(effects.begin() + static_cast<long>(index));
+  std::vector<FreeParameter> free;
+  for (FreeParameter parameter : fit_with.free) {
+    if (parameter.effect == index) continue;
+    if (parameter.effect > index) --parameter.effect;
+    free.push_back(parameter);
+  }
+  return fit(problem, std::move(effects), std::move(free), fit_with.noise);
+}
+
+double choices_of(const Hypothesis& hypothesis) {
+  return hypothesis.penalty +
+         (hypothesis.onset ? std::log(static_cast<double>(hypothesis.starts.size())) : 0.0);
+}
+
+// The best starts of the best hypotheses, and every map.
+std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
+  std::vector<Screened> chosen;
+  std::map<const Hypothesis*, std::size_t> taken;
+  std::size_t kinds = 0;
+  for (const Screened& candidate : scored) {
+    std::size_t& starts = taken[candidate.hypothesis];
+    const bool map = candidate.hypothesis->map;
+    if (starts == 0 ? (kinds >= most && !map) : starts >= 2) continue;
+    if (!map && candidate.score < 0.0) continue;
+    if (starts == 0 && !map) ++kinds;
+    ++starts;
+    chosen.push_back(candidate);
+  }
+  return chosen;
+}
+
+std::string label(const Hypothesis& hypothesis) {
+  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "");
+}
+
+// A tilted floor under a height map is one height map (docs/effects.md).
+void merge_floor(Fit& fit, std::vector<Claim>& claims) {
+  std::size_t tilt = fit.effects.size(), map = fit.effects.size();
+  for (std::size_t i = 0; i < fit.effects.size(); ++i) {
+    if (std::holds_alternative<FloorTilt>(fit.effects[i])) tilt = i;
+    if (std::holds_alternative<FloorUnevenness>(fit.effects[i])) map = i;
+  }
+  if (tilt == fit.effects.size() || map == fit.effects.size()) return;
+  const FloorTilt slope = std::get<FloorTilt>(fit.effects[tilt]);
+  FloorUnevenness& floor = std::get<FloorUnevenness>(fit.effects[map]);
+  for (std::size_t j = 0; j < floor.height_m.size(); ++j) {
+    for (std::size_t i = 0; i < floor.height_m[j].size(); ++i) {
+      floor.height_m[j][i] += floor.grid.spacing_m * (slope.slope_x * static_cast<double>(i) +
+                                                      slope.slope_y * static_cast<double>(j));
+    }
+  }
+  claims[map].gain += claims[tilt].gain;
+  claims[map].heldout_gain += claims[tilt].heldout_gain;
+  claims[map].inclusion = std::max(claims[map].inclusion, claims[tilt].inclusion);
+  // The slope's parameters leave with it.
+  std::vector<Eigen::Index> kept;
+  std::vector<FreeParameter> free;
+  for (std::size_t p = 0; p < fit.free.size(); ++p) {
+    if (fit.free[p].effect == tilt) continue;
+    kept.push_back(static_cast<Eigen::Index>(p));
+    free.push_back(fit.free[p]);
+    if (free.back().effect > tilt) --free.back().effect;
+  }
+  fit.covariance = Eigen::MatrixXd(fit.covariance(kept, kept));
+  fit.free = std::move(free);
+  fit.effects.erase(fit.effects.begin() + static_cast<long>(tilt));
+  claims.erase(claims.begin() + static_cast<long>(tilt));
+}
+
+}  // namespace
+
+SearchResult search(const Problem& problem, const std::vector<Hypothesis>& library,
+                    const SearchOptions& options) {
+  SearchResult result;
+  NoiseModel noise = initial_noise(*problem.flights);
+  smooth_all(problem, {}, noise, 20.0);
+  noise = profile_noise(problem, {}, noise);
+  smooth_all(problem, {}, noise, 5.0);
+  noise = profile_noise(problem, {}, noise);
+  result.nominal = evaluate(problem, {}, {}, noise);
+  Fit current = result.nominal;
+  std::vector<Claim>& claims = result.claims;
+
+  const auto claimed = [&](const Hypothesis& hypothesis) {
+    return std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
+      return claim.hypothesis.kind == hypothesis.kind && claim.hypothesis.thruster == hypothesis.thruster;
+    });
+  };
+  for (;;) {
+    std::vector<Hypothesis> open;
+    for (const Hypothesis& hypothesis : library) {
+      if (!claimed(hypothesis)) open.push_back(hypothesis);
+    }
+    for (const auto& found : {find_events(problem, current, options.accept_gain),
+                              find_oscillations(problem, current, options.accept_gain)}) {
+      for (const Hypothesis& hypothesis : found) {
+        if (!claimed(hypothesis)) open.push_back(hypothesis);
+      }
+    }
+    options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
+                     std::to_string(claims.size()) + " effects");
+    const std::vector<Screened> scored = screen(problem, current, open);
+    if (claims.empty()) {
+      for (const Screened& s : scored) {
+        if (!s.hypothesis->map)
+          result.nominal_scores.push_back({s.gain, std::max<int>(1, static_cast<int>(s.amplitude.size()))});
+      }
+    }
+    if (claims.size() >= options.most_effects) break;
+
+    std::vector<Tried> tried;
+    for (const Screened& candidate : shortlist(scored, options.fitted_per_step)) {
+      tried.push_back(attempt(problem, current, candidate));
+      options.progress("  " + label(*candidate.hypothesis) + ": " + std::to_string(tried.back().gain) +
+                       " nats (screen " + std::to_string(candidate.score) + ")");
+    }
+    std::sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) { return a.gain > b.gain; });
+
+    bool accepted = false;
+    for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
+      const BlockEvidence blocks = block_evidence(problem, current, tried[t].fit, options.seed);
+      // An event or a phase belongs to one recording, and a map says nothing of places that a fit has not
+      // seen: there the evidence alone decides.
+      if (!tried[t].hypothesis.one_recording && !tried[t].hypothesis.map &&
+          (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion)) {
+        options.progress("  " + label(tried[t].hypothesis) + " does not hold on unseen data");
+        continue;
+      }
+      if (!claims.empty() &&
+          !worth_a_name(open_loop_error(problem, {}), open_loop_error(problem, current.effects),
+                        open_loop_error(problem, tried[t].fit.effects))) {
+        options.progress("  " + label(tried[t].hypothesis) + " changes the motion too little to be named");
+        continue;
+      }
+      Claim claim{tried[t].hypothesis, tried[t].gain, blocks.heldout_gain, blocks.inclusion, {},
+                  tried[t].gain};
+      current = tried[t].fit;
+      for (std::size_t r = 0; r < tried.size(); ++r) {
+        if (r != t) claim.rivals.push_back(tried[r]);
+      }
+      options.progress("accepted " + label(claim.hypothesis));
+      claims.push_back(std::move(claim));
+      accepted = true;
+    }
+    if (!accepted) {
+      result.rejected = std::move(tried);
+      break;
+    }
+    // Velocities under the better model, then everything again at its noise.
+    smooth_all(problem, current.effects, current.noise, 4.0);
+    current = fit(problem, current.effects, current.free, current.noise);
+
+    // What came earlier must still be needed beside what came later.
+    for (std::size_t i = 0; i + 1 < claims.size();) {
+      const Fit reduced = without(problem, current, i);
+      const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
+      if (worth >= options.accept_gain) {
+        ++i;
+        continue;
+      }
+      options.progress("dropped " + label(claims[i].hypothesis));
+      current = reduced;
+      claims.erase(claims.begin() + static_cast<long>(i));
+    }
+  }
+
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    const Fit reduced = claims.size() == 1 ? result.nominal : without(problem, current, i);
+    const Fit base = evaluate(problem, reduced.effects, reduced.free, reduced.noise);
+    const BlockEvidence blocks = block_evidence(problem, base, current, options.seed);
+    claims[i].gain = current.log_likelihood - reduced.log_likelihood;
+    claims[i].heldout_gain = blocks.heldout_gain;
+    claims[i].inclusion = blocks.inclusion;
+  }
+  merge_floor(current, claims);
+  result.last_screen = screen(problem, current, library);
+  result.final = std::move(current);
+  return result;
+}
+
+}  // namespace atmos

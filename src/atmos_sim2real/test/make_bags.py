@@ -1,0 +1,57 @@
+#!/usr/bin/python3
+"""Writes the bags of tools_test into a folder: one good one and one per fault."""
+import math
+import os
+import sys
+
+import rosbag
+import rospy
+from atmos_msgs.msg import ThrusterCommand
+from geometry_msgs.msg import PoseStamped
+
+START = 1.7e9
+
+
+def write(path, poses=1200, commands=120, valves=8, pose_shift=0.0):
+    with rosbag.Bag(path, "w") as bag:
+        for k in range(commands):
+            message = ThrusterCommand()
+            message.header.stamp = rospy.Time.from_sec(START + 0.1 * k)
+            message.period = 0.1
+            message.duty = [0.0] * valves
+            bag.write("/atmos/thruster_command", message, message.header.stamp)
+        for i in range(poses):
+            message = PoseStamped()
+            stamp = START + pose_shift + 0.01 * i
+            message.header.stamp = rospy.Time.from_sec(stamp)
+            # At rest, with an error that never repeats.
+            message.pose.position.x = 1.0 + 1e-5 * math.sin(12.9898 * i * i)
+            message.pose.position.y = 1.0 + 1e-5 * math.sin(78.233 * i * i)
+            message.pose.orientation.z = 1e-5 * math.sin(37.719 * i * i)
+            message.pose.orientation.w = 1.0
+            bag.write("/atmos/mocap/pose", message, message.header.stamp)
+
+
+def main():
+    folder = sys.argv[1]
+
+    def path(name):
+        return os.path.join(folder, name + ".bag")
+
+    write(path("good"))
+    write(path("no_commands"), commands=0)
+    write(path("no_poses"), poses=0)
+    write(path("one_pose"), poses=1)
+    write(path("four_valves"), valves=4)
+    write(path("clocks_apart"), pose_shift=7200.0)
+    with open(path("good"), "rb") as good:
+        content = good.read()
+    with open(path("truncated"), "wb") as out:
+        out.write(content[:len(content) * 6 // 10])
+    with open(path("text"), "w") as out:
+        out.write("not a bag\n")
+    open(path("empty"), "w").close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+#include "atmos_sim2real/report.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "atmos_sim2real/statement.h"
+#include "synthetic.h"
+
+namespace atmos {
+namespace {
+
+using json = nlohmann::ordered_json;
+
+constexpr double kStart = 1.7e9;
+
+struct Reported {
+  Vehicle vehicle = nominal_vehicle();
+  std::vector<Flight> flights;
+  Diagnosis diagnosis;
+  json report;
+  std::string model;
+
+  Reported(const std::vector<Effect>& truth, bool hold_out) {
+    flights.emplace_back(fly(vehicle, truth, pulse_commands(kStart, 45.0, 41), 42).recording);
+    diagnosis = diagnose(vehicle, {}, flights, {});
+    const Problem problem{&vehicle, {}, &flights};
+    const Recording unseen = fly(vehicle, truth, pulse_commands(kStart + 900.0, 30.0, 43), 44).recording;
+    const Proof proof = hold_out ? prove_held_out(problem, diagnosis.search.final, {unseen})
+                                 : prove_on_blocks(problem, diagnosis.search.final);
+    report = atmos::report(diagnosis, problem, proof);
+    model = write_model(claimed_effects(diagnosis));
+    EXPECT_FALSE(plot_data(diagnosis, problem, proof).dump().empty());
+  }
+};
+
+// The keys and types that other programs rely on (docs/diagnosis.md).
+void expect_schema(const json& r) {
+  EXPECT_EQ(r.at("schema"), 1);
+  const auto& mismatch = r.at("mismatch");
+  EXPECT_TRUE(mismatch.at("p_value").is_number());
+  for (const char* axis : {"x", "y", "yaw"}) EXPECT_TRUE(mismatch.at("axes").at(axis).is_number());
+  for (const auto& place : mismatch.at("where")) {
+    EXPECT_TRUE(place.at("what").is_string() && place.at("statement").is_string());
+    EXPECT_TRUE(place.at("share").is_number());
+  }
+  EXPECT_TRUE(mismatch.at("smallest_detectable").is_object());
+  for (const auto& [kind, smallest] : mismatch.at("smallest_detectable").items())
+    EXPECT_TRUE(smallest.at("parameter").is_string() && smallest.contains("value") &&
+                smallest.contains("unit"));
+  for (const auto& effect : r.at("effects")) {
+    EXPECT_FALSE(effect.at("statement").get<std::string>().empty());
+    for (const auto& [name, p] : effect.at("parameters").items())
+      EXPECT_TRUE(p.contains("value") && p.contains("std") && p.at("unit").is_string()) << name;
+    for (const char* key : {"log_likelihood_gain", "heldout_log_likelihood_gain", "inclusion"})
+      EXPECT_TRUE(effect.at("evidence").at(key).is_number()) << key;
+    EXPECT_TRUE(effect.at("indistinguishable_from").is_array() && effect.at("next_experiment").is_string());
+  }
+  EXPECT_TRUE(r.at("rivals").is_array());
+  EXPECT_TRUE(r.at("unexplained").at("acceleration_rms_m_s2").is_number());
+  EXPECT_TRUE(r.at("unexplained").at("where").is_string());
+  EXPECT_EQ(r.at("fit").at("horizon_s"), 5.0);
+  for (const char* model : {"nominal", "fitted", "noise_floor"}) {
+    for (const char* key : {"position_rms_m", "yaw_rms_rad"})
+      EXPECT_TRUE(r.at("fit").at(model).at(key).is_number()) << model << " " << key;
+  }
+  EXPECT_EQ(r.at("fit").at("other_horizons").size(), 2u);
+}
+
+TEST(Report, ANullFlightIsConsistent) {
+  const Reported null({}, true);
+  expect_schema(null.report);
+  EXPECT_EQ(null.report["verdict"], "consistent");
+  EXPECT_TRUE(null.report["effects"].empty());
+  EXPECT_TRUE(ConfigFile::from_text(null.model, "model.yaml").root().maps("effects", false).empty());
+  const json& fit = null.report["fit"];
+  EXPECT_EQ(fit["on"], "held-out");
+  EXPECT_EQ(fit["nominal"], fit["fitted"]);
+  // What the noise model alone leaves is what the true model is seen to leave.
+  const double error = fit["fitted"]["position_rms_m"], floor = fit["noise_floor"]["position_rms_m"];
+  EXPECT_GT(error / floor, 0.4);
+  EXPECT_LT(error / floor, 2.5);
+}
+
+TEST(Report, ASupplyCouplingIsNamedFittedAndProved) {
+  const Reported found({SupplyCoupling{{}, 0.1}}, false);
+  expect_schema(found.report);
+  EXPECT_EQ(found.report["fit"]["on"], "blocks");
+  EXPECT_EQ(found.report["verdict"], "explained");
+  ASSERT_EQ(found.report["effects"].size(), 1u);
+  const double nominal = found.report["fit"]["nominal"]["position_rms_m"];
+  EXPECT_LT(found.report["fit"]["fitted"]["position_rms_m"].get<double>(), 0.5 * nominal);
+
+  // The report lists what model.yaml holds, number by number.
+  const ConfigFile file = ConfigFile::from_text(found.model, "model.yaml");
+  const std::vector<Effect> read = read_effects(file.root(), nullptr);
+  file.check();
+  ASSERT_EQ(read.size(), 1u);
+  EXPECT_EQ(kind_of(read[0]), found.report["effects"][0]["kind"]);
+  EXPECT_EQ(write_model(read), found.model);
+}
+
+TEST(Report, ListsEveryParameterOfEveryKind) {
+  FloorUnevenness floor;
+  floor.height_m = {{0.0, 1e-3}, {2e-3, 0.0}};
+  Airflow wind;
+  wind.force_x_n = wind.force_y_n = {{0.01, 0.0}, {0.0, 0.0}};
+  ExternalImpulse pushes;
+  pushes.events = {{kStart + 3.0, {0.1, 0.2}, 0.01}};
+  Unmodelled law;
+  law.force_x_n = "-a*x";
+  law.coefficients["a"] = {0.5, "N/m"};
+  ThrusterDead dead;
+  dead.thruster = 4;
+  dead.since_s = kStart + 67.5;
+
+  Diagnosis diagnosis;
+  diagnosis.verdict = Verdict::kExplained;
+  Fit& final = diagnosis.search.final;
+  // In the order in which a search may have found them.
+  final.effects = {law, pushes, wind, floor, dead};
+  FreeParameter since{4, "since_s", 0, 0.0, 1.0, 1.0};
+  final.free = {since};
+  final.covariance = Eigen::MatrixXd::Constant(1, 1, 0.04);
+  for (const Effect& effect : final.effects) {
+    Claim claim;
+    claim.hypothesis.kind = kind_of(effect);
+    diagnosis.search.claims.push_back(claim);
+    diagnosis.indistinguishable.push_back({});
+  }
+  diagnosis.indistinguishable[4] = {"lost command bit"};
+  const Vehicle vehicle = nominal_vehicle();
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {}, pulse_commands(kStart, 4.0, 1), 2).recording);
+  Proof proof;
+  proof.on = "blocks";
+  proof.horizons = {{5.0, {}, {}, {}}};
+  const json r = report(diagnosis, {&vehicle, {}, &flights}, proof);
+
+  const std::vector<Effect> read = [&] {
+    const ConfigFile file = ConfigFile::from_text(write_model(claimed_effects(diagnosis)), "model.yaml");
+    const std::vector<Effect> effects = read_effects(file.root(), nullptr);
+    file.check();
+    return effects;
+  }();
+  ASSERT_EQ(r["effects"].size(), read.size());
+  for (std::size_t i = 0; i < read.size(); ++i) {
+    const json& listed = r["effects"][i];
+    EXPECT_EQ(listed["kind"], kind_of(read[i]));
+    std::visit(
+        [&](const auto& e) {
+          e.parameters(e, [&](const ParameterInfo& info, const auto&) {
+            EXPECT_TRUE(listed["parameters"].contains(info.name)) << info.name;
+          });
+        },
+        read[i]);
+  }
+  const json& thruster = r["effects"][0];
+  EXPECT_EQ(thruster["parameters"]["thruster"], json({{"value", 4}, {"std", nullptr}, {"unit", "1"}}));
+  EXPECT_NEAR(thruster["parameters"]["since_s"]["std"].get<double>(), 0.2, 1e-12);
+  EXPECT_EQ(thruster["statement"], "thruster 4 is dead from 67.5 s after the first command on");
+  EXPECT_NE(thruster["next_experiment"], "");
+  EXPECT_EQ(r["effects"][1]["parameters"]["height_m"]["value"], json({{0.0, 1e-3}, {2e-3, 0.0}}));
+  EXPECT_EQ(r["effects"][3]["parameters"]["events"]["value"][0]["impulse_y_n_s"], 0.2);
+  EXPECT_EQ(r["effects"][4]["parameters"]["coefficients"]["value"]["a"]["unit"], "N/m");
+  // No window was long enough: there is no error to report.
+  EXPECT_TRUE(r["fit"]["nominal"]["position_rms_m"].is_null());
+}
+
+TEST(Statement, EveryKindHasOneWithANumber) {
+  for (const EffectInfo& info : registered_effects()) {
+    if (info.kind == "unmodelled") continue;
+    std::string text = "effects:\n  - kind: " + info.kind + "\n    parameters: {";
+    for (const ParameterInfo& p : info.parameters) {
+      const bool rows = p.name == "height_m" || p.name.rfind("force_", 0) == 0;
+      const std::string value = p.name == "events"     ? "[]"
+                                : p.name == "origin_m" ? "[0, 0]"
+                                : rows                 ? "[[0, 0.01], [0, 0]]"
+                                : p.name == "thruster" ? "2"
+                                                       : "0.5";
+      text += (text.back() == '{' ? "" : ", ") + p.name + ": " +
+              (value == "0.5" && !p.bounds.contains(0.5) ? std::to_string(0.5 * (p.bounds.min + p.bounds.max))
+                                                         : value);
+    }
+    const ConfigFile file = ConfigFile::from_text(text + "}\n", info.kind);
+    const std::vector<Effect> effects = read_effects(file.root(), nullptr);
+    file.check();
+    const std::string statement = statement_of(effects.at(0), kStart);
+    EXPECT_NE(statement.find_first_of("0123456789"), std::string::npos) << info.kind << ": " << statement;
+    EXPECT_NE(experiment_against(info.kind, "viscous_drag"), "") << info.kind;
+  }
+}
+
+}  // namespace
+}  // namespace atmos

@@ -1,0 +1,117 @@
+// diagnose: why recordings differ from the simulation. Writes report.json, report.html, model.yaml, figures/.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "atmos_model/effects.h"
+#include "atmos_sim2real/report.h"
+#include "recordings.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace atmos;
+
+struct Arguments {
+  std::string vehicle, model, out;
+  std::vector<std::string> bags, held_out;
+};
+
+void say(const std::string& text) {
+  std::printf("%s\n", text.c_str());
+  std::fflush(stdout);
+}
+
+// Held-out recordings must be unseen ones, and nothing counts twice.
+void refuse_repeated_bags(const Arguments& arguments) {
+  std::set<fs::path> seen;
+  for (const auto* list : {&arguments.bags, &arguments.held_out}) {
+    for (const std::string& bag : *list) {
+      if (!seen.insert(fs::weakly_canonical(bag)).second)
+        throw std::invalid_argument(bag + ": is given more than once");
+    }
+  }
+}
+
+// Draws the figures and the page; they are a view of report.json, so that a failure costs only themselves.
+bool draw(const std::string& out) {
+  const pid_t child = fork();
+  if (child == 0) {
+    unsetenv("PYTHONPATH");
+    execl("/usr/bin/python3", "python3", REPORT_SCRIPT, out.c_str(), static_cast<char*>(nullptr));
+    _exit(127);
+  }
+  int status = 0;
+  return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+void print_summary(const nlohmann::ordered_json& summary) {
+  say("verdict: " + summary["verdict"].get<std::string>());
+  for (const auto& effect : summary["effects"])
+    say("  " + effect["kind"].get<std::string>() + ": " + effect["statement"].get<std::string>());
+  const auto& fit = summary["fit"];
+  if (fit["nominal"]["position_rms_m"].is_null()) return;
+  std::printf("prediction over 5 s (%s): nominal %.1f mm, fitted %.1f mm, noise floor %.1f mm\n",
+              fit["on"].get<std::string>().c_str(), 1e3 * fit["nominal"]["position_rms_m"].get<double>(),
+              1e3 * fit["fitted"]["position_rms_m"].get<double>(),
+              1e3 * fit["noise_floor"]["position_rms_m"].get<double>());
+}
+
+void run(const Arguments& arguments) {
+  refuse_repeated_bags(arguments);
+  const Vehicle vehicle = load_vehicle(arguments.vehicle);
+  const std::vector<Effect> known = read_model(arguments.model, vehicle);
+  std::vector<Flight> flights;
+  for (const std::string& bag : arguments.bags) {
+    say("reading " + bag);
+    flights.emplace_back(read_recording(bag, vehicle));
+  }
+  std::vector<Recording> held_out;
+  for (const std::string& bag : arguments.held_out) {
+    say("reading " + bag + " (held out)");
+    held_out.push_back(read_recording(bag, vehicle));
+  }
+  const std::string out = arguments.out + "/";
+  fs::create_directories(out);
+
+  SearchOptions options;
+  options.progress = say;
+  const Diagnosis diagnosis = diagnose(vehicle, known, flights, options);
+  say("predicting open loop");
+  const Problem problem{&vehicle, known, &flights};
+  const Proof proof = held_out.empty() ? prove_on_blocks(problem, diagnosis.search.final)
+                                       : prove_held_out(problem, diagnosis.search.final, held_out);
+
+  const nlohmann::ordered_json summary = report(diagnosis, problem, proof);
+  write_text(out + "model.yaml", write_model(claimed_effects(diagnosis)));
+  write_text(out + "plots.json", plot_data(diagnosis, problem, proof).dump());
+  write_text(out + "report.json", summary.dump(1) + "\n");
+  say("drawing the report");
+  if (!draw(arguments.out))
+    std::fprintf(stderr, "warning: the figures and report.html could not be drawn; report.json stands\n");
+  print_summary(summary);
+  say("written: " + out + "report.json, report.html, model.yaml, figures/");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app("Finds what the simulation leaves out of recordings, names it, fits it and proves it.");
+  app.add_option("bags", arguments.bags, "recordings to explain (ROS 1 bags)")->required();
+  app.add_option("--vehicle", arguments.vehicle, "vehicle file")->required();
+  app.add_option("--out", arguments.out, "folder to write into")->required();
+  app.add_option("--holdout", arguments.held_out, "recordings used for proof alone, never to fit or select");
+  app.add_option("--model", arguments.model, "model.yaml taken as part of the nominal model");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  return with_clear_errors([&] { run(arguments); });
+}
