@@ -82,6 +82,14 @@ double parameter(const std::vector<Effect>& effects, const FreeParameter& free) 
   return parameter(const_cast<std::vector<Effect>&>(effects), free);
 }
 
+void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free) {
+  for (const FreeParameter& f : free) {
+    const Bounds bounds = bounds_of(effects, f);
+    double& value = parameter(effects, f);
+    value = std::min(bounds.max, std::max(bounds.min, value));
+  }
+}
+
 Plant Problem::plant(const std::vector<Effect>& effects, std::size_t flight) const {
   std::vector<Effect> all = known;
   all.insert(all.end(), effects.begin(), effects.end());
@@ -235,10 +243,9 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
       std::vector<Effect> moved = current.effects;
       for (Eigen::Index p = 0; p < n; ++p) {
         const FreeParameter& free = current.free[static_cast<std::size_t>(p)];
-        const Bounds bounds = bounds_of(moved, free);
-        double& value = parameter(moved, free);
-        value = std::min(bounds.max, std::max(bounds.min, value + step[p]));
+        parameter(moved, free) += step[p];
       }
+      clamp_to_bounds(moved, current.free);
       Fit trial = evaluate(problem, std::move(moved), current.free, current.noise);
       gain = objective(trial) - objective(current);
       if (gain > 0.0) {

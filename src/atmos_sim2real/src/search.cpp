@@ -60,21 +60,6 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   return extended;
 }
 
-// Keeps every parameter within what its effect allows.
-void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free) {
-  for (const FreeParameter& f : free) {
-    std::visit(
-        [&](const auto& e) {
-          e.parameters(e, [&](const ParameterInfo& info, const auto&) {
-            if (info.name != f.name) return;
-            double& value = parameter(effects, f);
-            value = std::min(info.bounds.max, std::max(info.bounds.min, value));
-          });
-        },
-        effects[f.effect]);
-  }
-}
-
 // since_s of a dead thruster only matters where pulses begin: tries them, coarse to fine.
 Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
   ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
@@ -138,7 +123,6 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
     Eigen::VectorXd g = Eigen::VectorXd::Zero(n);
     const Eigen::Index b = base.J.empty() ? 0 : base.J.front().cols();
     Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(b, n);
-    Eigen::VectorXd base_gradient = Eigen::VectorXd::Zero(b);
     for (std::size_t f = 0; f < flights; ++f) {
       const Flight& flight = (*problem.flights)[f];
       const auto residual = [&](const std::vector<Effect>& model) {
@@ -157,7 +141,6 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
       g.noalias() -= Z.transpose() * base_fit.innovations[f];
       if (b > 0) {
         cross.noalias() += base.J[f].transpose() * Z;
-        base_gradient.noalias() -= base.J[f].transpose() * base_fit.innovations[f];
       }
     }
     if (b > 0) {
@@ -207,19 +190,23 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
 
 namespace {
 
+// Nats for the choices that no prior width expresses.
+double choices_of(const Hypothesis& hypothesis) {
+  return hypothesis.penalty +
+         (hypothesis.onset ? std::log(static_cast<double>(hypothesis.starts.size())) : 0.0);
+}
+
 // Fits the current model with one screened hypothesis.
 Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
   Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
-  double choices = hypothesis.penalty;
   if (hypothesis.onset) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
     fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
-    choices += std::log(static_cast<double>(hypothesis.starts.size()));
   }
-  const double gain = fitted.evidence - current.evidence - choices;
+  const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
   return {hypothesis, std::move(fitted), gain};
 }
 
@@ -281,11 +268,6 @@ Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
     free.push_back(parameter);
   }
   return fit(problem, std::move(effects), std::move(free), fit_with.noise);
-}
-
-double choices_of(const Hypothesis& hypothesis) {
-  return hypothesis.penalty +
-         (hypothesis.onset ? std::log(static_cast<double>(hypothesis.starts.size())) : 0.0);
 }
 
 // The best starts of the best hypotheses, and every map.

@@ -26,6 +26,9 @@ struct FreeParameter {
 double& parameter(std::vector<Effect>& effects, const FreeParameter& free);
 double parameter(const std::vector<Effect>& effects, const FreeParameter& free);
 
+// Keeps the parameters within what their effects allow.
+void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free);
+
 struct Fit {
   std::vector<Effect> effects;
   std::vector<FreeParameter> free;
