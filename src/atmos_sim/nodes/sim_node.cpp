@@ -61,7 +61,9 @@ class SimNode {
     const std::string robot =
         ros::this_node::getNamespace().substr(ros::this_node::getNamespace().rfind('/') + 1);
     base_frame_ = base_frame(robot.empty() ? options_.scenario.vehicle.name : robot);
-    clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", kQueue, true);
+    // Latched in lockstep, where time stands still until a node that came late has answered. In real time the
+    // next tick follows at once, and a latched one may overtake it: time would run back for that node.
+    clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", kQueue, options_.lockstep);
     pose_ = node_.advertise<geometry_msgs::PoseStamped>("mocap/pose", kQueue);
     truth_ = node_.advertise<nav_msgs::Odometry>("sim/truth", kQueue);
     commands_ =
