@@ -1,6 +1,6 @@
 """Runs benchmark programs, prints their rows as a table and writes them as a JSON list.
 
-A benchmark program prints one JSON object per row on stdout: name, unit and any of median, p99, max, n. A program that
+A benchmark program prints one JSON object per row on stdout: name, unit and any of value, median, p99, max, n. A program that
 is given a prefix as its only argument may skip rows whose name does not start so.
 """
 import argparse
@@ -9,7 +9,7 @@ import json
 import subprocess
 import sys
 
-COLUMNS = ("median", "p99", "max", "n")
+COLUMNS = ("value", "median", "p99", "max", "n")
 
 
 def fail(message):

@@ -27,7 +27,18 @@ MocapSettings read_mocap(const ConfigMap& map) {
     mocap.dropouts.push_back({dropout.number("start_s", Bounds::non_negative()),
                               dropout.number("duration_s", Bounds::positive())});
   }
+  mocap.distortion_m = map.number("distortion_m", Bounds::non_negative(), 0.0);
+  mocap.stamp_jitter_s = map.number("stamp_jitter_s", Bounds::between(0.0, 0.01), 0.0);
   return mocap;
+}
+
+LabSettings read_lab(const ConfigMap& map) {
+  LabSettings lab;
+  lab.thrust_scatter = map.number("thrust_scatter", Bounds::between(0.0, 0.5), 0.0);
+  lab.slow_force_n = map.number("slow_force_n", Bounds::non_negative(), 0.0);
+  lab.slow_torque_n_m = map.number("slow_torque_n_m", Bounds::non_negative(), 0.0);
+  lab.slow_time_s = map.number("slow_time_s", Bounds::positive(), 4.0);
+  return lab;
 }
 
 // A fit may find a negative delay, where clocks disagree; a simulation knows no future.
@@ -75,6 +86,7 @@ Scenario load_scenario(const std::string& path) {
       root.faulty("duration_s") ? std::numeric_limits<double>::infinity() : scenario.duration_s;
   scenario.set_points = read_set_points(root, latest_s);
   scenario.mocap = read_mocap(root.map("mocap"));
+  if (const std::optional<ConfigMap> lab = root.optional_map("lab")) scenario.lab = read_lab(*lab);
 
   const auto faults_of = [](const auto& read) {
     try {

@@ -5,22 +5,16 @@
 #include <cmath>
 #include <limits>
 
+#include "atmos_sim/random.h"
+
 namespace atmos {
 
 namespace {
 
 constexpr double kSameInstant = 1e-7;  // s: frames and dropouts are told apart far more coarsely
 
-// In (0, 1): 53 random bits, never 0, so that its logarithm exists. Own code, because the standard leaves the
-// algorithm of its distributions to the library.
-double uniform(std::mt19937_64& random) { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; }
-
-// Two independent standard normal numbers (Box and Muller).
-Vec2<double> normal_pair(std::mt19937_64& random) {
-  const double radius = std::sqrt(-2.0 * std::log(uniform(random)));
-  const double angle = 2.0 * M_PI * uniform(random);
-  return {radius * std::cos(angle), radius * std::sin(angle)};
-}
+constexpr double kShortestWave = 0.8, kLongestWave = 3.0;  // m, of the distortion
+constexpr double kLargestJitter = 3.0;                     // standard deviations
 
 }  // namespace
 
@@ -28,7 +22,25 @@ MocapSensor::MocapSensor(const MocapSettings& settings, std::uint32_t seed, doub
     : settings_(settings),
       start_s_(start_s),
       frame_(static_cast<std::int64_t>(std::ceil((start_s - kSameInstant) * settings.rate_hz))),
-      random_(seed) {}
+      random_(seed),
+      jitter_(seed + 0x717e5ULL) {
+  std::mt19937_64 draw(seed + 0xd15707ULL);
+  for (Wave& wave : distortion_) {
+    const double length = kShortestWave + (kLongestWave - kShortestWave) * uniform(draw);
+    const double direction = 2.0 * M_PI * uniform(draw);
+    wave.number_W = 2.0 * M_PI / length * Vec2<double>(std::cos(direction), std::sin(direction));
+    wave.phase = 2.0 * M_PI * uniform(draw);
+    // A sine of amplitude a varies by a / sqrt 2; the waves are independent.
+    wave.amplitude_W = settings_.distortion_m * std::sqrt(2.0 / kWaves) * normal_pair(draw);
+  }
+}
+
+Vec2<double> MocapSensor::distortion(const Vec2<double>& p_W) const {
+  Vec2<double> sum = Vec2<double>::Zero();
+  for (const Wave& wave : distortion_)
+    sum += std::sin(wave.number_W.dot(p_W) + wave.phase) * wave.amplitude_W;
+  return sum;
+}
 
 MocapFrame MocapSensor::expose(const Simulation& simulation) {
   const double due = next_frame_s();
@@ -44,6 +56,9 @@ MocapFrame MocapSensor::expose(const Simulation& simulation) {
   const double shown = due - plant.mocap_latency_s;
   // docs/effects.md, clock_skew: t0 + (t - t0)(1 + ratio) + latency for the instant t that is shown.
   MocapFrame frame{due + (shown - start_s_) * plant.stamp_skew, {}};
+  if (settings_.stamp_jitter_s > 0.0)
+    frame.stamp_s +=
+        settings_.stamp_jitter_s * std::clamp(normal_pair(jitter_).x(), -kLargestJitter, kLargestJitter);
   const double since_start = due - start_s_;
   const bool in_stretch =
       std::any_of(settings_.dropouts.begin(), settings_.dropouts.end(), [&](const Dropout& dropout) {
@@ -56,7 +71,7 @@ MocapFrame MocapSensor::expose(const Simulation& simulation) {
     return frame;
   }
   const PlanarState<double> measured = simulation.plant().measured(simulation.center_of_mass_at(shown));
-  frame.pose.p_W = measured.p_WC + noise_W;
+  frame.pose.p_W = measured.p_WC + distortion(measured.p_WC) + noise_W;
   frame.pose.yaw = measured.yaw + noise_yaw;
   return frame;
 }

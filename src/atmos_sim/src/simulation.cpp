@@ -47,6 +47,7 @@ Simulation::Simulation(const Scenario& scenario, double start_s)
       time_s_(start_s),
       body_(start_state(scenario, plant_)),
       hidden_(plant_.initial_hidden()),
+      lab_(scenario.lab, scenario.seed, start_s, plant_.thruster_count()),
       openings_(plant_.thruster_count()),
       ode_(std::make_unique<OdeBody>(plant_.properties().mass_kg, plant_.properties().inertia_kg_m2, body_)) {
   remember();
@@ -70,6 +71,7 @@ void Simulation::advance_to(double until_s) {
     if (valve_edge_s_ <= past_now) {
       valves_.openings(past_now, openings_.data());
       valve_edge_s_ = valves_.next_edge(past_now);
+      lab_.valves_moved(openings_);
     }
     double end = std::min(until_s, valve_edge_s_);
     const auto jump = std::upper_bound(jumps.begin(), jumps.end(), past_now);
@@ -97,9 +99,15 @@ void Simulation::step(double dt) {
   plant_.rate(time_s_ + 2.0 * dt / 3.0, stage, hidden_stage_, openings_, rate_[1]);
 
   hidden_ += dt * (0.25 * rate_[0].hidden + 0.75 * rate_[1].hidden);
-  const PlanarAcceleration<double> mean{
+  PlanarAcceleration<double> mean{
       0.25 * rate_[0].body.a_WC + 0.75 * rate_[1].body.a_WC,
       0.25 * rate_[0].body.yaw_acceleration + 0.75 * rate_[1].body.yaw_acceleration};
+  if (!lab_.quiet()) {
+    const VecX<double> thrust = plant_.thrust<double>(time_s_ + kSameInstant, body_, hidden_, openings_);
+    const PlanarWrench<double> extra = lab_.wrench(time_s_, plant_.properties(), body_.yaw, thrust);
+    mean.a_WC += extra.force_W / plant_.mass<double>(time_s_, body_, hidden_);
+    mean.yaw_acceleration += extra.torque / plant_.properties().inertia_kg_m2;
+  }
   ode_->step(mean, dt, body_);
   ++steps_;
 }

@@ -30,6 +30,16 @@ struct MocapSettings {
   double publish_delay_s = 0.0;      // from exposure (the stamp) to publication; real time only
   double dropout_probability = 0.0;  // of each frame by itself
   std::vector<Dropout> dropouts;
+  double distortion_m = 0.0;    // standard deviation over the floor of a smooth, steady error of position
+  double stamp_jitter_s = 0.0;  // standard deviation of a stamp about the exposure
+};
+
+// What every lab has and no model describes. It makes no effect: a diagnosis has to live with it.
+struct LabSettings {
+  double thrust_scatter = 0.0;   // relative standard deviation from pulse to pulse, each valve by itself
+  double slow_force_n = 0.0;     // standard deviation per axis (world) of a random force that drifts
+  double slow_torque_n_m = 0.0;  // the same of a torque
+  double slow_time_s = 4.0;      // correlation time of both
 };
 
 struct Scenario {
@@ -43,6 +53,7 @@ struct Scenario {
   SetPoint start;  // time_s unused
   std::vector<SetPoint> set_points;
   MocapSettings mocap;
+  LabSettings lab;
   std::vector<Effect> effects;
   Vehicle vehicle;
 };

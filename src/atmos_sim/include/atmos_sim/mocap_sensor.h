@@ -1,6 +1,7 @@
 // The motion-capture system: what it would report of a simulated robot.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <random>
 #include <vector>
@@ -27,10 +28,18 @@ class MocapSensor {
   MocapFrame expose(const Simulation& simulation);
 
  private:
+  static constexpr int kWaves = 6;
+  struct Wave {
+    Vec2<double> number_W, amplitude_W;  // rad/m, m
+    double phase;
+  };
+  Vec2<double> distortion(const Vec2<double>& p_W) const;
+
   MocapSettings settings_;
   double start_s_;
   std::int64_t frame_;
-  std::mt19937_64 random_;
+  std::mt19937_64 random_, jitter_;
+  std::array<Wave, kWaves> distortion_;
 };
 
 }  // namespace atmos

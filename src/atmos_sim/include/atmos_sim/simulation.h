@@ -9,6 +9,7 @@
 #include "atmos_model/plant.h"
 #include "atmos_model/scenario.h"
 #include "atmos_model/valve_schedule.h"
+#include "atmos_sim/lab.h"
 
 namespace atmos {
 
@@ -62,6 +63,7 @@ class Simulation {
   double time_s_;
   PlanarState<double> body_;
   VecX<double> hidden_;
+  Lab lab_;
   // Openings until the next valve edge; storage of a step, kept to allocate nothing.
   double valve_edge_s_ = -std::numeric_limits<double>::infinity();
   VecX<double> openings_, hidden_stage_;

@@ -1,0 +1,1 @@
+"""The blind benchmark of the diagnosis: hidden systems, baselines, scores (docs/blind.md)."""

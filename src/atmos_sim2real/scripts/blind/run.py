@@ -1,0 +1,170 @@
+"""Flies hidden systems, runs the diagnosis on what a lab would have of them, and keeps the scores."""
+import hashlib
+import json
+import os
+import random
+import resource
+import shutil
+import subprocess
+import sys
+import time
+
+from . import hidden, scoring
+
+MEMORY_LIMIT = 4 << 30  # bytes of address space for a child
+
+
+class Failure(Exception):
+    pass
+
+
+def digest(path):
+    with open(path, "rb") as file:
+        return hashlib.sha256(file.read()).hexdigest()[:16]
+
+
+def child(command, timeout, log=None):
+    """Runs a child at low priority; its output goes to `log`. Returns wall time [s] and peak memory [MiB]."""
+    def lower():
+        os.nice(10)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+
+    begin = time.monotonic()
+    with open(log or os.devnull, "w") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, preexec_fn=lower)
+        try:
+            while True:
+                pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+                if pid:
+                    break
+                if time.monotonic() - begin > timeout:
+                    process.kill()
+                    os.wait4(process.pid, 0)
+                    raise Failure(f"{os.path.basename(command[0])} took longer than {timeout:.0f} s")
+                time.sleep(0.02)
+        finally:
+            process.returncode = 0
+    code = os.waitstatus_to_exitcode(status)
+    if code != 0:
+        tail = open(log).read().strip().splitlines()[-1:] if log else []
+        raise Failure(f"{os.path.basename(command[0])} ended with {code}: {' '.join(tail)}")
+    return time.monotonic() - begin, usage.ru_maxrss / 1024.0
+
+
+class Runner:
+    def __init__(self, options, tools, vehicle):
+        self.options, self.tools, self.vehicle = options, tools, vehicle
+        self.versions = {name: digest(path) for name, path in tools.items()}
+
+    def folder(self, family, index):
+        return os.path.join(self.options.out, str(self.options.seed), f"{family}_{index:04d}")
+
+    def finished(self, family, index):
+        """The kept result of a run by these very tools, or None."""
+        path = os.path.join(self.folder(family, index), "result.json")
+        if not os.path.exists(path):
+            return None
+        with open(path) as file:
+            result = json.load(file)
+        if self.options.any_version or result["versions"] == self.versions:
+            return result
+        return None
+
+    def system(self, family, index):
+        rng = random.Random(f"{self.options.seed}/{family}/{index}")
+        return hidden.draw(rng, family, index, self.options.durations, self.vehicle)
+
+    def fly(self, folder, system):
+        for name, flight in system["flights"].items():
+            start = hidden.SECOND_START if name == "b" else hidden.FIRST_START
+            scenario = os.path.join(folder, f"hidden_{name}.yaml")
+            with open(scenario, "w") as file:
+                json.dump(flight, file, indent=1)  # JSON is YAML
+            child([self.tools["fly"], scenario, "--start", repr(start), "--bag", os.path.join(folder, f"{name}.bag"),
+                   "--shown", os.path.join(folder, f"shown_{name}.csv"),
+                   "--natural-frequency", repr(system["frequency"])], 300, os.path.join(folder, "fly.log"))
+
+    def diagnose(self, folder, name):
+        """(report, wall time [s], peak memory [MiB]). The diagnosis gets the bag under a name that says nothing, and the
+        nominal vehicle."""
+        apart = os.path.join(folder, f"diagnosis_{name}")
+        os.makedirs(apart)
+        bag = os.path.join(apart, "flight.bag")
+        os.rename(os.path.join(folder, f"{name}.bag"), bag)
+        wall, memory = child([self.tools["diagnose"], "--vehicle", self.vehicle, "--out", apart, bag],
+                             self.options.timeout, os.path.join(apart, "log"))
+        with open(os.path.join(apart, "report.json")) as file:
+            return json.load(file), wall, memory
+
+    def predictions(self, folder, truth):
+        """Errors on the second flight, every window started from the motion that the mocap would show without error."""
+        shown = scoring.read_table(os.path.join(folder, "shown_b.csv"))
+        starts = os.path.join(folder, "starts.csv")
+        end, due = shown[-1]["stamp"] - 5.2, shown[0]["stamp"] + 2.0
+        with open(starts, "w") as file:
+            file.write("stamp,x,y,yaw,vx,vy,yaw_rate\n")
+            for row in shown:
+                if due <= row["stamp"] < end:
+                    file.write(",".join(f"{row[k]:.9f}" for k in ("stamp", "x", "y", "yaw", "vx", "vy", "yaw_rate")) + "\n")
+                    due += 2.5
+        with open(os.path.join(folder, "oracle.yaml"), "w") as file:
+            json.dump({"effects": truth["second_effects"]}, file)
+        errors = {}
+        for name, model in (("nominal", None), ("fitted", os.path.join(folder, "diagnosis_a", "model.yaml")),
+                            ("oracle", os.path.join(folder, "oracle.yaml"))):
+            table = os.path.join(folder, f"predicted_{name}.csv")
+            child([self.tools["predict"], "--vehicle", self.vehicle, "--horizon", "5", "--initial-states", starts, "--out",
+                   table, os.path.join(folder, "b.bag")] + (["--model", model] if model else []), 300,
+                  os.path.join(folder, "predict.log"))
+            errors[name] = scoring.prediction_error(scoring.read_table(table), shown)
+            os.remove(table)
+        return errors
+
+    def run(self, family, index):
+        """One run from the draw to the score; what cannot be scored is a result with `failure`."""
+        folder = self.folder(family, index)
+        shutil.rmtree(folder, ignore_errors=True)
+        os.makedirs(folder)
+        system = self.system(family, index)
+        truth = system["truth"]
+        result = {"family": family, "index": index, "truth": truth, "versions": self.versions}
+        try:
+            self.fly(folder, system)
+            report, wall, memory = self.diagnose(folder, "a")
+            if "twin" in system["flights"]:
+                result["twin"] = scoring.score_null(self.diagnose(folder, "twin")[0])
+            errors = self.predictions(folder, truth) if truth["effects"] else None
+            result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START)
+            if "twin" in result:
+                result["score"]["multiple"] = scoring.stated_multiple(truth["effects"][0], result["twin"]["stated"])
+            result.update(wall_s=wall, memory_mib=memory)
+        except Failure as failure:
+            result["failure"] = str(failure)
+        with open(os.path.join(folder, "result.json"), "w") as file:
+            json.dump(result, file, indent=1)
+        if result.get("score", {}).get("good") and not self.options.keep:
+            for name in os.listdir(folder):
+                if name != "result.json":
+                    path = os.path.join(folder, name)
+                    shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+        return result
+
+
+def describe(result):
+    """One line of progress."""
+    truth = result["truth"]
+    name = f"{result['family']}_{result['index']:04d} {truth['label']}"
+    if "failure" in result:
+        return f"{name}: FAILED: {result['failure']}"
+    score = result["score"]
+    claims = ", ".join(kind + (f"[{thruster}]" if thruster else "") for kind, thruster, _ in score["claims"]) or "-"
+    size = f"{score['multiple']:.1f}x" if score.get("multiple") else ""
+    gain = f", gain {score['gain_ratio']:.2f} of the oracle's" if "gain_ratio" in score else ""
+    if result.get("twin", {}).get("detected"):
+        gain += f", its null twin {result['twin']['claims'] or 'unexplained'}"
+    return (f"{name} {size}: {score['verdict']}: {claims}{gain} ({result['wall_s']:.0f} s)"
+            + ("" if score["good"] else "  <-- look"))
+
+
+def progress(text):
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,172 @@
+"""Scores reports against hidden truths (docs/blind.md says how each figure is defined)."""
+import csv
+import math
+import statistics
+
+# The value at which an effect is absent, where it is not 0.
+NEUTRAL = {("mass_error", "factor"): 1.0, ("inertia_error", "factor"): 1.0, ("thrust_scale", "factor"): 1.0,
+           ("thruster_efficiency", "factor"): 1.0}
+# Parameters that are one quantity: errors are those of the vector.
+VECTORS = {"floor_tilt": ("slope_x", "slope_y"), "com_offset": ("x_m", "y_m"), "marker_offset": ("x_m", "y_m")}
+# Parameters that say how large an effect is; others (where, which, when) are not judged in percent.
+SIZES = {"floor_tilt": ["slope_x"], "tether": ["stiffness_n_m"], "floor_vibration": ["amplitude_n", "frequency_hz"],
+         "viscous_drag": ["linear_n_s_m", "angular_n_m_s"], "quadratic_drag": ["coefficient_n_s2_m2"],
+         "coulomb_friction": ["coefficient"], "friction_patch": ["coefficient"], "mass_error": ["factor"],
+         "inertia_error": ["factor"], "com_offset": ["x_m"], "mass_depletion": ["kg_per_open_second"],
+         "slosh": ["mass_kg", "frequency_hz"], "clock_skew": ["ratio"], "thrust_scale": ["factor"],
+         "thruster_efficiency": ["factor"], "thruster_leak": ["fraction"], "thruster_misalignment": ["angle_rad"],
+         "supply_coupling": ["fraction_per_open_thruster"], "supply_droop": ["loss_per_s", "recovery_s"],
+         "pressure_decay": ["fraction_per_kg"], "valve_delay": ["open_s", "close_s"],
+         "thrust_rise": ["time_constant_s"], "command_delay": ["delay_s"], "mocap_latency": ["delay_s"],
+         "marker_offset": ["x_m"], "yaw_misalignment": ["angle_rad"]}
+# Documented sets that pose and command cannot separate: the tool may claim any of a set (docs/effects.md).
+SAME = ({"command_delay", "mocap_latency"},)
+THRUSTER_KINDS = ("thruster_efficiency", "thruster_dead", "thruster_leak", "thruster_misalignment")
+YAW_ARM = 0.15  # m: turns an error of yaw into one of position, at a bearing
+
+
+def same_name(claimed, true):
+    return claimed == true or any(claimed in group and true in group for group in SAME)
+
+
+def claims_of(report):
+    """The report's effects, the one with the largest gain first."""
+    claims = []
+    for effect in report["effects"]:
+        parameters = effect["parameters"]
+        claims.append({"kind": effect["kind"], "gain": effect["evidence"]["log_likelihood_gain"] or 0.0,
+                       "thruster": parameters.get("thruster", {}).get("value"),
+                       "parameters": {k: (v["value"], v["std"]) for k, v in parameters.items()},
+                       "indistinguishable_from": effect["indistinguishable_from"]})
+    return sorted(claims, key=lambda claim: -claim["gain"])
+
+
+def matches(claim, effect):
+    """Whether a claim names a true effect, the thruster aside."""
+    return same_name(claim["kind"], effect["kind"])
+
+
+def parameter_errors(claim, effect):
+    """[(relative error of the size, error / stated deviation or None)] of a rightly named effect."""
+    out = []
+    true, kind = effect["parameters"], effect["kind"]
+    for name in SIZES.get(kind, []):
+        neutral = NEUTRAL.get((kind, name), 0.0)
+        names = VECTORS.get(kind) or (name,)
+        if not all(n in claim["parameters"] for n in names):
+            continue
+        size = math.sqrt(sum((true[n] - neutral) ** 2 for n in names))
+        error = math.sqrt(sum((claim["parameters"][n][0] - true[n]) ** 2 for n in names))
+        scores = [(claim["parameters"][n][0] - true[n]) / claim["parameters"][n][1]
+                  for n in names if claim["parameters"][n][1]]
+        out.append({"parameter": name, "relative_error": error / size, "scores": scores})
+    return out
+
+
+def onset_errors(claim, effect, flight_start):
+    """Errors of times [s]; an event that was not found counts as infinite."""
+    if effect["kind"] == "thruster_dead" and claim["kind"] == "thruster_dead":
+        true, found = effect["parameters"]["since_s"], claim["parameters"]["since_s"][0]
+        return [abs(max(true, flight_start) - max(found, flight_start))]
+    if effect["kind"] == "external_impulse" and claim["kind"] == "external_impulse":
+        found = [event["time_s"] for event in claim["parameters"]["events"][0]]
+        return [min([abs(event["time_s"] - t) for t in found] or [math.inf])
+                for event in effect["parameters"]["events"]]
+    return []
+
+
+def stated_multiple(effect, stated_sizes):
+    """Size of an effect in multiples of what a report states as the smallest detectable; None where it states none."""
+    stated = stated_sizes.get(effect["kind"])
+    if not stated or not stated["value"]:
+        return None
+    name, kind = stated["parameter"], effect["kind"]
+    names = VECTORS.get(kind) or (name,)
+    neutral = NEUTRAL.get((kind, name), 0.0)
+    return math.sqrt(sum((effect["parameters"][n] - neutral) ** 2 for n in names)) / abs(stated["value"])
+
+
+def score_null(report):
+    """What a recording with nothing wrong gave."""
+    return {"verdict": report["verdict"], "p_value": report["mismatch"]["p_value"],
+            "claims": [(c["kind"], c["thruster"], c["gain"]) for c in claims_of(report)],
+            "detected": report["verdict"] != "consistent", "stated": report["mismatch"]["smallest_detectable"]}
+
+
+def read_table(path):
+    with open(path) as table:
+        return [{k: float(v) for k, v in row.items()} for row in csv.DictReader(table)]
+
+
+def interpolated(table, stamp, low=0):
+    """x, y, yaw of the shown motion at a stamp; rows ascend in stamp."""
+    high = len(table) - 1
+    if not table[0]["stamp"] <= stamp <= table[-1]["stamp"]:
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if table[middle]["stamp"] <= stamp else (low, middle)
+    a, b = table[low], table[high]
+    u = (stamp - a["stamp"]) / (b["stamp"] - a["stamp"])
+    return [a[k] + u * (b[k] - a[k]) for k in ("x", "y", "yaw")]
+
+
+def prediction_error(predicted, shown):
+    """Root mean square at the windows' ends, yaw counted at a bearing's distance [m]."""
+    squares = []
+    for row, after in zip(predicted, predicted[1:] + [None]):
+        if after is not None and after["window_start"] == row["window_start"]:
+            continue
+        at = interpolated(shown, row["stamp"])
+        if at is None:
+            continue
+        turn = math.remainder(row["yaw"] - at[2], 2 * math.pi)
+        squares.append((row["x"] - at[0]) ** 2 + (row["y"] - at[1]) ** 2 + (YAW_ARM * turn) ** 2)
+    return math.sqrt(statistics.fmean(squares)) if squares else None
+
+
+def score(truth, report, errors, flight_start):
+    """All that is counted of one run. `errors`: prediction errors on the second flight of nominal, fitted, oracle."""
+    claims = claims_of(report)
+    real = [c for c in claims if c["kind"] != "unmodelled"]
+    result = {"verdict": report["verdict"], "p_value": report["mismatch"]["p_value"],
+              "claims": [(c["kind"], c["thruster"], c["gain"]) for c in claims],
+              "detected": report["verdict"] != "consistent", "errors": errors}
+    effects = truth["effects"]
+    family = truth["family"]
+    if family == "outside":
+        result["wrong_name"] = any(c["kind"] not in truth["accepted"] for c in real)
+        result["formula"] = any(c["kind"] == "unmodelled" for c in claims)
+    elif effects:
+        first = claims[0] if claims else None
+        result["right_first"] = first is not None and any(matches(first, e) for e in effects)
+        result["listed"] = result["right_first"] or (
+            first is not None and any(e["kind"] in text for e in effects for text in first["indistinguishable_from"]))
+        result["all_named"] = all(any(matches(c, e) for c in claims) for e in effects)
+        result["extra"] = [c["kind"] for c in claims if not any(matches(c, e) for e in effects)]
+        thruster, onset, parameters = [], [], []
+        for effect in effects:
+            named = [c for c in claims if matches(c, effect)]
+            if not named:
+                continue
+            own = effect["parameters"].get("thruster")
+            if own is not None:
+                thruster.append(any(c["thruster"] == own for c in named))
+                named = [c for c in named if c["thruster"] == own]
+            for claim in named[:1]:
+                onset += onset_errors(claim, effect, flight_start)
+                parameters += parameter_errors(claim, effect)
+        result.update(thruster_right=thruster, onset_errors=onset, parameters=parameters)
+    if errors and errors.get("oracle") is not None and errors["nominal"] - errors["oracle"] > 0.1 * errors["nominal"]:
+        result["gain_ratio"] = (errors["nominal"] - errors["fitted"]) / (errors["nominal"] - errors["oracle"])
+    result["good"] = is_good(family, result)
+    return result
+
+
+def is_good(family, result):
+    """Whether a run needs no second look."""
+    if family == "null":
+        return not result["detected"]
+    if family == "outside":
+        return not result["wrong_name"]
+    return bool(result["all_named"] and not result["extra"] and all(result["thruster_right"]))
