@@ -102,7 +102,7 @@ class Runner {
   double cost(int k, const State& x, const Eigen::Vector4d& u) {
     problem_.cost().set_reference(reference_at(k), x.segment<4>(state13::kQuaternion),
                                   TrackingCost::PlanarWeight::Zero());
-    return problem_.cost().value(x, false) + 10.0 * u.squaredNorm();
+    return problem_.cost().value(x, 0, false) + 10.0 * u.squaredNorm();
   }
 
   const DirectAllocation& problem() const { return problem_; }

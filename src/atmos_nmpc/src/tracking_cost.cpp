@@ -59,17 +59,36 @@ TrackingCost::TrackingCost(AttitudeError kind, const TrackingWeights& weights, c
 
 void TrackingCost::set_reference(const State& reference, const Quaternion4<double>& q_now,
                                  const PlanarWeight& planar_terminal) {
-  reference_ = reference;
-  auto q_ref = reference_.segment<4>(kQuaternion);
-  if (q_ref.dot(q_now) < 0.0) q_ref = -q_ref;
+  set_reference(std::vector<State>{reference}, q_now, planar_terminal);
+}
+
+void TrackingCost::set_reference(const std::vector<State>& references, const Quaternion4<double>& q_now,
+                                 const PlanarWeight& planar_terminal) {
+  stages_.resize(references.size());
+  Quaternion4<double> q_before = q_now;
+  for (std::size_t k = 0; k < references.size(); ++k) {
+    Stage& stage = stages_[k];
+    stage.x = references[k];
+    auto q_ref = stage.x.segment<4>(kQuaternion);
+    if (q_ref.dot(q_before) < 0.0) q_ref = -q_ref;
+    q_before = q_ref;
+    stage.attitude.setZero();
+    if (kind_ == AttitudeError::kVector) {
+      const Eigen::Matrix<double, 3, 4> G = vector_error_matrix(q_ref);
+      stage.attitude = 2.0 * G.transpose() * weights_.attitude.asDiagonal() * G;
+    }
+  }
+  diagonal_.setZero();
+  diagonal_.segment<3>(kPosition) = 2.0 * weights_.position;
+  diagonal_.segment<3>(kVelocity) = 2.0 * weights_.velocity;
+  diagonal_.segment<3>(kAngularVelocity) = 2.0 * weights_.rate;
 
   // Error e = E (x - reference) in the order p, v, attitude, w; the attitude rows vanish at the reference
   // themselves.
   Eigen::Matrix<double, 12, 13> E = Eigen::Matrix<double, 12, 13>::Zero();
   E.block<6, 6>(0, 0).setIdentity();
-  if (kind_ == AttitudeError::kVector) E.block<3, 4>(6, kQuaternion) = vector_error_matrix(q_ref);
+  if (kind_ == AttitudeError::kVector) E.block<3, 4>(6, kQuaternion) = vector_error_matrix(q_before);
   E.block<3, 3>(9, kAngularVelocity).setIdentity();
-
   Eigen::Matrix<double, 12, 1> diagonal;
   diagonal << weights_.position, weights_.velocity, weights_.attitude, weights_.rate;
   Eigen::Matrix<double, 12, 12> terminal = (weights_.terminal_factor * diagonal).asDiagonal();
@@ -79,15 +98,22 @@ void TrackingCost::set_reference(const State& reference, const Quaternion4<doubl
       for (int j = 0; j < 6; ++j) terminal(kPlanar[i], kPlanar[j]) = planar_terminal(i, j);
     }
   }
-  stage_ = 2.0 * E.transpose() * diagonal.asDiagonal() * E;
   terminal_ = 2.0 * E.transpose() * terminal * E;
 }
 
-double TrackingCost::value(const State& x, bool terminal) const {
-  const State d = x - reference_;
-  double sum = 0.5 * d.dot((terminal ? terminal_ : stage_) * d);
+TrackingCost::State TrackingCost::slope(const State& x, int k, bool terminal) const {
+  const Stage& stage = at(k);
+  const State d = x - stage.x;
+  if (terminal) return terminal_ * d;
+  State slope = diagonal_.cwiseProduct(d);
+  slope.segment<4>(kQuaternion) = stage.attitude * d.segment<4>(kQuaternion);
+  return slope;
+}
+
+double TrackingCost::value(const State& x, int k, bool terminal) const {
+  double sum = 0.5 * (x - at(k).x).dot(slope(x, k, terminal));
   if (kind_ == AttitudeError::kPaper) {
-    const double c = reference_.segment<4>(kQuaternion).dot(x.segment<4>(kQuaternion));
+    const double c = at(k).x.segment<4>(kQuaternion).dot(x.segment<4>(kQuaternion));
     const double e = 1.0 - c * c;
     sum += (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2] * e * e;
   }
@@ -98,10 +124,10 @@ double TrackingCost::value(const State& x, bool terminal) const {
   return sum;
 }
 
-void TrackingCost::add_gradient(const State& x, bool terminal, double factor, State& gradient) const {
-  gradient.noalias() += factor * ((terminal ? terminal_ : stage_) * (x - reference_));
+void TrackingCost::add_gradient(const State& x, int k, bool terminal, double factor, State& gradient) const {
+  gradient += factor * slope(x, k, terminal);
   if (kind_ == AttitudeError::kPaper) {
-    const Quaternion4<double> r = reference_.segment<4>(kQuaternion);
+    const Quaternion4<double> r = at(k).x.segment<4>(kQuaternion);
     const double c = r.dot(x.segment<4>(kQuaternion));
     const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
     gradient.segment<4>(kQuaternion) += factor * weight * (-4.0 * c * (1.0 - c * c)) * r;
@@ -114,10 +140,15 @@ void TrackingCost::add_gradient(const State& x, bool terminal, double factor, St
   }
 }
 
-void TrackingCost::add_hessian(const State& x, bool terminal, double factor, Hessian& H) const {
-  H += factor * (terminal ? terminal_ : stage_);
+void TrackingCost::add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const {
+  if (terminal) {
+    H += factor * terminal_;
+  } else {
+    H.diagonal() += factor * diagonal_;
+    H.block<4, 4>(kQuaternion, kQuaternion) += factor * at(k).attitude;
+  }
   if (kind_ == AttitudeError::kPaper) {
-    const Quaternion4<double> r = reference_.segment<4>(kQuaternion);
+    const Quaternion4<double> r = at(k).x.segment<4>(kQuaternion);
     const double c = r.dot(x.segment<4>(kQuaternion));
     const double weight = (terminal ? weights_.terminal_factor : 1.0) * weights_.attitude[2];
     H.block<4, 4>(kQuaternion, kQuaternion) += factor * weight * (12.0 * c * c - 4.0) * r * r.transpose();

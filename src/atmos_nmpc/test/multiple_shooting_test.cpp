@@ -4,6 +4,7 @@
 
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/rate.h"
 #include "numeric.h"
 
 namespace atmos {
@@ -41,51 +42,111 @@ class Shooting : public ::testing::TestWithParam<AttitudeError> {
   ControllerConfig config_ = load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle_);
 };
 
+// Gradient, Jacobian and Hessian of a problem at z against central differences.
+template <class Problem>
+void expect_exact_derivatives(const Problem& problem, const Eigen::VectorXd& z) {
+  const int n = problem.variable_count(), m = problem.constraint_count();
+  Eigen::VectorXd gradient(n);
+  problem.gradient(z.data(), gradient.data());
+  const Eigen::MatrixXd slope = numeric_jacobian(
+      [&](const Eigen::VectorXd& at) { return Eigen::VectorXd::Constant(1, problem.objective(at.data())); },
+      z);
+  EXPECT_LT((gradient - slope.transpose()).norm(), 1e-6 * (1.0 + gradient.norm()));
+
+  Eigen::VectorXd values(problem.jacobian_sparsity().size());
+  problem.jacobian(z.data(), values.data());
+  const Eigen::MatrixXd J = dense(problem.jacobian_sparsity(), values, m, n);
+  const Eigen::MatrixXd expected_J = numeric_jacobian(
+      [&](const Eigen::VectorXd& at) {
+        Eigen::VectorXd g(m);
+        problem.constraints(at.data(), g.data());
+        return g;
+      },
+      z);
+  EXPECT_LT((J - expected_J).cwiseAbs().maxCoeff(), 1e-8);
+
+  const Eigen::VectorXd lambda = Eigen::VectorXd::LinSpaced(m, -1.0, 2.0);
+  Eigen::VectorXd curvature(problem.hessian_sparsity().size());
+  problem.hessian(z.data(), 0.6, lambda.data(), curvature.data());
+  const Eigen::MatrixXd H = dense(problem.hessian_sparsity(), curvature, n, n);
+  EXPECT_TRUE(H.isLowerTriangular());
+  const Eigen::MatrixXd expected_H = numeric_jacobian(
+      [&](const Eigen::VectorXd& at) {
+        Eigen::VectorXd g(n), v(problem.jacobian_sparsity().size());
+        problem.gradient(at.data(), g.data());
+        problem.jacobian(at.data(), v.data());
+        return Eigen::VectorXd(0.6 * g + dense(problem.jacobian_sparsity(), v, m, n).transpose() * lambda);
+      },
+      z, 1e-6);
+  const Eigen::MatrixXd error = (H - expected_H).triangularView<Eigen::Lower>();
+  EXPECT_LT(error.norm(), 1e-5 * (1.0 + H.norm()));
+}
+
 TEST_P(Shooting, DerivativesAgainstCentralDifferences) {
   for (const auto& [name, q] : attitudes(31)) {
+    SCOPED_TRACE(name);
     DirectAllocation problem = make_direct_allocation(vehicle_, config_);
     State13<double> reference = moving_state(attitudes(32).back().second, 33);
     problem.cost().set_reference(reference, q, TrackingCost::PlanarWeight::Identity());
-    problem.dynamics().set_disturbance({{0.2, -0.1, 0.3}, {0.4, -0.5, 0.6}});
+    problem.set_disturbance({{0.2, -0.1, 0.3}, {0.4, -0.5, 0.6}});
     problem.set_input_reference({0.3, -0.2, 0.1, -0.4});
     problem.set_initial_state(moving_state(q, 34));
-    const Eigen::VectorXd z = point(q);
-    const int n = problem.variable_count(), m = problem.constraint_count();
+    expect_exact_derivatives(problem, point(q));
+  }
+}
 
-    Eigen::VectorXd gradient(n);
-    problem.gradient(z.data(), gradient.data());
-    const Eigen::MatrixXd slope = numeric_jacobian(
-        [&](const Eigen::VectorXd& at) { return Eigen::VectorXd::Constant(1, problem.objective(at.data())); },
-        z);
-    EXPECT_LT((gradient - slope.transpose()).norm(), 1e-6 * (1.0 + gradient.norm())) << name;
+// Every stage has a reference, an input reference and a disturbance of its own.
+template <class Problem>
+void make_stages_differ(Problem& problem, const Quaternion4<double>& q) {
+  std::vector<State13<double>> references;
+  for (std::uint32_t k = 0; k <= 3; ++k)
+    references.push_back(moving_state(attitudes(40 + k).back().second, 50 + k));
+  problem.cost().set_reference(references, q, TrackingCost::PlanarWeight::Identity());
+  for (int k = 0; k < 3; ++k) {
+    problem.set_disturbance(k, {{0.2 * k, -0.1, 0.3}, {0.4, -0.5 * k, 0.6}});
+    problem.set_input_reference(k, Problem::Input::Constant(0.2 * k));
+  }
+}
 
-    Eigen::VectorXd values(problem.jacobian_sparsity().size());
-    problem.jacobian(z.data(), values.data());
-    const Eigen::MatrixXd J = dense(problem.jacobian_sparsity(), values, m, n);
-    const Eigen::MatrixXd expected_J = numeric_jacobian(
-        [&](const Eigen::VectorXd& at) {
-          Eigen::VectorXd g(m);
-          problem.constraints(at.data(), g.data());
-          return g;
-        },
-        z);
-    EXPECT_LT((J - expected_J).cwiseAbs().maxCoeff(), 1e-8) << name;
+TEST_P(Shooting, DerivativesWhereStagesDiffer) {
+  for (const auto& [name, q] : attitudes(31)) {
+    SCOPED_TRACE(name);
+    DirectAllocation problem = make_direct_allocation(vehicle_, config_);
+    make_stages_differ(problem, q);
+    problem.set_initial_state(moving_state(q, 34));
+    expect_exact_derivatives(problem, point(q));
+  }
+}
 
-    const Eigen::VectorXd lambda = Eigen::VectorXd::LinSpaced(m, -1.0, 2.0);
-    Eigen::VectorXd curvature(problem.hessian_sparsity().size());
-    problem.hessian(z.data(), 0.6, lambda.data(), curvature.data());
-    const Eigen::MatrixXd H = dense(problem.hessian_sparsity(), curvature, n, n);
-    EXPECT_TRUE(H.isLowerTriangular());
-    const Eigen::MatrixXd expected_H = numeric_jacobian(
-        [&](const Eigen::VectorXd& at) {
-          Eigen::VectorXd g(n), v(problem.jacobian_sparsity().size());
-          problem.gradient(at.data(), g.data());
-          problem.jacobian(at.data(), v.data());
-          return Eigen::VectorXd(0.6 * g + dense(problem.jacobian_sparsity(), v, m, n).transpose() * lambda);
-        },
-        z, 1e-6);
-    const Eigen::MatrixXd error = (H - expected_H).triangularView<Eigen::Lower>();
-    EXPECT_LT(error.norm(), 1e-5 * (1.0 + H.norm())) << name;
+TEST_P(Shooting, DerivativesWithTheRateAsInput) {
+  config_.formulation = FormulationKind::kRate;
+  config_.force_n = 1.5;
+  config_.rate_rad_s = 0.5;
+  config_.rate_weight = 20.0;
+  for (const auto& [name, q] : attitudes(31)) {
+    SCOPED_TRACE(name);
+    RateProblem problem = make_rate(vehicle_, config_);
+    make_stages_differ(problem, q);
+    problem.set_initial_state(moving_state(q, 34).head<10>());
+    Eigen::VectorXd z(3 * 13);
+    for (int k = 0; k < 3; ++k) {
+      z.segment<3>(13 * k) << 0.3 * k, -0.5, 1.2;
+      z.segment<10>(13 * k + 3) = moving_state(q, static_cast<std::uint32_t>(30 + k)).head<10>();
+    }
+    expect_exact_derivatives(problem, z);
+  }
+}
+
+// The same motion by the 13-state: a body that turns with the rate asked for.
+TEST(RateStep, MovesAsTheRigidBodyDoes) {
+  const RateStep step(16.8, 0.1);
+  const RigidBodyStep<2> body(Eigen::Matrix<double, 3, 2>::Identity(), Eigen::Matrix<double, 3, 2>::Zero(),
+                              16.8, {0.1, 0.2, 0.3}, 0.1);
+  for (const auto& [name, q] : attitudes(71)) {
+    State13<double> x = moving_state(q, 72);
+    x.tail<3>() << 0.0, 0.0, 0.4;
+    const RateStep::State reached = step.next(x.head<10>(), {1.1, -0.7, 0.4});
+    EXPECT_LT((reached - body.next(x, {1.1, -0.7}).head<10>()).norm(), 1e-12) << name;
   }
 }
 INSTANTIATE_TEST_SUITE_P(Errors, Shooting, ::testing::Values(AttitudeError::kVector, AttitudeError::kPaper));

@@ -43,20 +43,20 @@ TEST_P(BothErrors, DerivativesAgainstCentralDifferences) {
     cost.set_reference(reference, q, planar_weight());
     for (const bool terminal : {false, true}) {
       State13<double> gradient = State13<double>::Zero();
-      cost.add_gradient(x, terminal, 0.7, gradient);
+      cost.add_gradient(x, 0, terminal, 0.7, gradient);
       const Eigen::MatrixXd slope = numeric_jacobian(
           [&](const Eigen::VectorXd& at) {
-            return Eigen::VectorXd::Constant(1, 0.7 * cost.value(at, terminal));
+            return Eigen::VectorXd::Constant(1, 0.7 * cost.value(at, 0, terminal));
           },
           x);
       EXPECT_LT((gradient - slope.transpose()).norm(), 1e-6 * (1.0 + gradient.norm())) << name;
 
       TrackingCost::Hessian H = TrackingCost::Hessian::Zero();
-      cost.add_hessian(x, terminal, 0.7, H);
+      cost.add_hessian(x, 0, terminal, 0.7, H);
       const Eigen::MatrixXd curvature = numeric_jacobian(
           [&](const Eigen::VectorXd& at) {
             State13<double> g = State13<double>::Zero();
-            cost.add_gradient(at, terminal, 0.7, g);
+            cost.add_gradient(at, 0, terminal, 0.7, g);
             return Eigen::VectorXd(g);
           },
           x, 1e-6);
@@ -76,13 +76,13 @@ TEST(TrackingCost, VectorErrorIsTheAngleAndBlindToTheQuaternionsSign) {
         TrackingCost cost(AttitudeError::kVector, weights(), no_bounds());
         cost.set_reference(at_rest(about_axis({0, 0, 1}, yaw_ref)), sign * q, planar_weight());
         const double e = 2.0 * std::sin(0.5 * error);
-        EXPECT_NEAR(cost.value(at_rest(sign * q), false), 50.0 * e * e, 1e-9);
+        EXPECT_NEAR(cost.value(at_rest(sign * q), 0, false), 50.0 * e * e, 1e-9);
         // The coupling with the yaw rate has the sign of the shorter way.
         State13<double> x = at_rest(sign * q);
         x[kAngularVelocity + 2] = 0.1;
         Eigen::Matrix<double, 6, 1> planar;
         planar << 0, 0, e, 0, 0, 0.1;
-        EXPECT_NEAR(cost.value(x, true), planar.dot(planar_weight() * planar), 1e-9);
+        EXPECT_NEAR(cost.value(x, 0, true), planar.dot(planar_weight() * planar), 1e-9);
       }
     }
   }
@@ -92,8 +92,8 @@ TEST(TrackingCost, PaperErrorIsTheSquareOfOneMinusTheSquaredProduct) {
   TrackingCost cost(AttitudeError::kPaper, weights(), no_bounds());
   cost.set_reference(at_rest(about_axis({0, 0, 1}, 0.3)), about_axis({0, 0, 1}, 1.3), planar_weight());
   const double e = 1.0 - std::pow(std::cos(0.5), 2);
-  EXPECT_NEAR(cost.value(at_rest(about_axis({0, 0, 1}, 1.3)), false), 50.0 * e * e, 1e-12);
-  EXPECT_NEAR(cost.value(at_rest(about_axis({0, 0, 1}, 1.3)), true), 1.5 * 50.0 * e * e, 1e-12);
+  EXPECT_NEAR(cost.value(at_rest(about_axis({0, 0, 1}, 1.3)), 0, false), 50.0 * e * e, 1e-12);
+  EXPECT_NEAR(cost.value(at_rest(about_axis({0, 0, 1}, 1.3)), 0, true), 1.5 * 50.0 * e * e, 1e-12);
 }
 
 TEST(TrackingCost, SoftBoundsCostNothingInsideAndTheirPenaltyOutside) {
@@ -101,9 +101,9 @@ TEST(TrackingCost, SoftBoundsCostNothingInsideAndTheirPenaltyOutside) {
   const TrackingCost with(AttitudeError::kVector, weights(), bounds());
   const TrackingCost without(AttitudeError::kVector, weights(), no_bounds());
   State13<double> x = at_rest(q);
-  EXPECT_NEAR(with.value(x, false) - without.value(x, false), 0.0, 0.1);
+  EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 0.0, 0.1);
   x[kVelocity] = -0.7;
-  EXPECT_NEAR(with.value(x, false) - without.value(x, false), 100 * 0.2 + 1000 * 0.04, 0.2);
+  EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 100 * 0.2 + 1000 * 0.04, 0.2);
   EXPECT_EQ(with.active_bounds(x, 1e-4), 1);
 }
 

@@ -21,8 +21,8 @@ struct LossLimits {
   double braking_time_constant_s;  // braking asks for -m v / this, within the thrusters' limits
 };
 
-// What the controller decides: the paper's ctl:da, ctl:wrench.
-enum class FormulationKind { kDirectAllocation, kWrench };
+// What the controller decides: the paper's ctl:da, ctl:wrench, ctl:rate.
+enum class FormulationKind { kDirectAllocation, kWrench, kRate };
 
 // Noise of the disturbance observer (docs/offset_free.md), standard deviations per axis.
 struct ObserverConfig {
@@ -49,9 +49,11 @@ struct ControllerConfig {
   TrackingWeights weights;
   double force_weight;   // R per thruster pair or body axis, 1/N^2
   double torque_weight;  // R of the torque, 1/(N m)^2; kWrench only
+  double rate_weight;    // R of the rate, s^2/rad^2; kRate only
   double pair_force_n;   // kDirectAllocation: |u_j| <= this and the thrusters' own force
-  double force_n;        // kWrench: |f_x|, |f_y| <= this
+  double force_n;        // kWrench, kRate: |f_x|, |f_y| <= this
   double torque_n_m;     // kWrench: |tau_z| <= this
+  double rate_rad_s;     // kRate: |w_z| <= this
   SoftBounds bounds;
   double objective_scale;
   SolverOptions solver;

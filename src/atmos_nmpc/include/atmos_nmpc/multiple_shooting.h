@@ -1,13 +1,14 @@
 // The optimal-control core (paper, MPC_formulation): direct multiple shooting with the variables in stage
-// order z = [u0 x1 u1 x2 ... u(N-1) xN], the measured x0 eliminated. A formulation is a dynamics type with NU
-// inputs over the 13-state plus the tracking cost; this class gives the solver values and exact derivatives
-// in the problem's own blocks.
+// order z = [u0 x1 u1 x2 ... u(N-1) xN], the measured x0 eliminated. A formulation is a dynamics type over
+// the 13-state, or over its first ten without the angular velocity, plus the tracking cost; this class gives
+// the solver values and exact derivatives in the problem's own blocks.
 #pragma once
 
 #include <Eigen/Core>
 #include <limits>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "atmos_nmpc/nonlinear_program.h"
 #include "atmos_nmpc/rigid_body_step.h"
@@ -27,10 +28,11 @@ class MultipleShooting : public NonlinearProgram {
   // stages: N >= 1. input_weight: diagonal of R, 1/N^2. The objective is objective_scale times the cost.
   MultipleShooting(Dynamics dynamics, TrackingCost cost, int stages, const Input& input_weight,
                    const Input& input_lower, const Input& input_upper, double objective_scale)
-      : dynamics_(std::move(dynamics)),
+      : dynamics_(static_cast<std::size_t>(stages), dynamics),
         cost_(std::move(cost)),
         N_(stages),
         input_weight_(input_weight),
+        input_reference_(static_cast<std::size_t>(stages), Input::Zero()),
         scale_(objective_scale) {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     lower_ = Eigen::VectorXd::Constant(variable_count(), -kInfinity);
@@ -39,13 +41,19 @@ class MultipleShooting : public NonlinearProgram {
       lower_.segment<kInputs>(input_at(k)) = input_lower;
       upper_.segment<kInputs>(input_at(k)) = input_upper;
     }
-    initial_state_ = cost_.reference();
+    initial_state_ = cost_.reference().template head<kStates>();
     declare_jacobian();
     declare_hessian();
   }
 
-  Dynamics& dynamics() { return dynamics_; }
-  const Dynamics& dynamics() const { return dynamics_; }
+  // Of stage k: stages differ in what disturbs them.
+  const Dynamics& dynamics(int k = 0) const { return dynamics_[static_cast<std::size_t>(k)]; }
+  void set_disturbance(const Disturbance& disturbance) {
+    for (Dynamics& dynamics : dynamics_) dynamics.set_disturbance(disturbance);
+  }
+  void set_disturbance(int k, const Disturbance& disturbance) {
+    dynamics_[static_cast<std::size_t>(k)].set_disturbance(disturbance);
+  }
   TrackingCost& cost() { return cost_; }
   const TrackingCost& cost() const { return cost_; }
   int stages() const { return N_; }
@@ -60,11 +68,14 @@ class MultipleShooting : public NonlinearProgram {
 
   // R weighs u - `input`, clipped to the bounds: the inputs that hold the reference.
   void set_input_reference(const Input& input) {
-    input_reference_ =
+    for (int k = 0; k < N_; ++k) set_input_reference(k, input);
+  }
+  void set_input_reference(int k, const Input& input) {
+    input_reference_[static_cast<std::size_t>(k)] =
         input.cwiseMax(lower_.template head<kInputs>()).cwiseMin(upper_.template head<kInputs>());
   }
 
-  const Input& input_reference() const { return input_reference_; }
+  const Input& input_reference(int k = 0) const { return input_reference_[static_cast<std::size_t>(k)]; }
   const Input& input_weight() const { return input_weight_; }
 
   void set_initial_state(const State& x0) { initial_state_ = x0; }
@@ -104,7 +115,7 @@ class MultipleShooting : public NonlinearProgram {
     next.bound_upper.head(keep) = plan.bound_upper.tail(keep);
     const int keep_rows = constraint_count() - kStates;
     next.lambda.head(keep_rows) = plan.lambda.tail(keep_rows);
-    next.z.segment<kStates>(state_at(N_)) = dynamics_.next(state(plan.z, N_), input(plan.z, N_ - 1));
+    next.z.segment<kStates>(state_at(N_)) = dynamics(N_ - 1).next(state(plan.z, N_), input(plan.z, N_ - 1));
     return next;
   }
 
@@ -112,7 +123,7 @@ class MultipleShooting : public NonlinearProgram {
   int active_constraints(const Eigen::VectorXd& z, double tolerance) const {
     int count = static_cast<int>(((z - lower_).array() < tolerance).count() +
                                  ((upper_ - z).array() < tolerance).count());
-    for (int k = 1; k <= N_; ++k) count += cost_.active_bounds(state(z, k), tolerance);
+    for (int k = 1; k <= N_; ++k) count += cost_.active_bounds(padded(state(z, k)), tolerance);
     return count;
   }
 
@@ -127,19 +138,19 @@ class MultipleShooting : public NonlinearProgram {
   double objective(const double* z) const override {
     double sum = 0.0;
     for (int k = 0; k < N_; ++k) {
-      const Input u = input_of(z, k) - input_reference_;
-      sum += input_weight_.dot(u.cwiseProduct(u)) + cost_.value(state_of(z, k), false);
+      const Input u = input_of(z, k) - input_reference(k);
+      sum += input_weight_.dot(u.cwiseProduct(u)) + cost_.value(padded(state_of(z, k)), k, false);
     }
-    return scale_ * (sum + cost_.value(state_of(z, N_), true));
+    return scale_ * (sum + cost_.value(padded(state_of(z, N_)), N_, true));
   }
 
   void gradient(const double* z, double* values) const override {
     for (int k = 0; k < N_; ++k) {
       Eigen::Map<Input>(values + input_at(k)) =
-          2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k) - input_reference_);
-      State g = State::Zero();
-      cost_.add_gradient(state_of(z, k + 1), k + 1 == N_, scale_, g);
-      Eigen::Map<State>(values + state_at(k + 1)) = g;
+          2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k) - input_reference(k));
+      State13<double> g = State13<double>::Zero();
+      cost_.add_gradient(padded(state_of(z, k + 1)), k + 1, k + 1 == N_, scale_, g);
+      Eigen::Map<State>(values + state_at(k + 1)) = g.template head<kStates>();
     }
   }
 
@@ -147,14 +158,14 @@ class MultipleShooting : public NonlinearProgram {
   void constraints(const double* z, double* values) const override {
     for (int k = 0; k < N_; ++k) {
       Eigen::Map<State>(values + k * kStates) =
-          dynamics_.next(state_of(z, k), input_of(z, k)) - state_of(z, k + 1);
+          dynamics(k).next(state_of(z, k), input_of(z, k)) - state_of(z, k + 1);
     }
   }
 
   void jacobian(const double* z, double* values) const override {
     typename Dynamics::Jacobian J;
     for (int k = 0; k < N_; ++k) {
-      dynamics_.jacobian(state_of(z, k), input_of(z, k), J);
+      dynamics(k).jacobian(state_of(z, k), input_of(z, k), J);
       visit_jacobian_block(k, J, [&values](int, int, double value) { *values++ = value; });
     }
   }
@@ -164,9 +175,9 @@ class MultipleShooting : public NonlinearProgram {
     typename Dynamics::Hessian S;
     for (int k = 0; k <= N_; ++k) {
       TrackingCost::Hessian H = TrackingCost::Hessian::Zero();
-      if (k > 0) cost_.add_hessian(state_of(z, k), k == N_, objective_factor * scale_, H);
+      if (k > 0) cost_.add_hessian(padded(state_of(z, k)), k, k == N_, objective_factor * scale_, H);
       if (k < N_) {
-        dynamics_.hessian(state_of(z, k), input_of(z, k), Eigen::Map<const State>(lambda + k * kStates), S);
+        dynamics(k).hessian(state_of(z, k), input_of(z, k), Eigen::Map<const State>(lambda + k * kStates), S);
         S.template bottomRightCorner<kInputs, kInputs>().diagonal() +=
             2.0 * objective_factor * scale_ * input_weight_;
       } else {
@@ -180,20 +191,28 @@ class MultipleShooting : public NonlinearProgram {
   // x0.
   void initial_state_blocks(const Iterate& at, Eigen::MatrixXd& A0, Eigen::MatrixXd& S0) const {
     typename Dynamics::Jacobian J;
-    dynamics_.jacobian(initial_state_, input(at.z, 0), J);
+    dynamics().jacobian(initial_state_, input(at.z, 0), J);
     A0 = Eigen::MatrixXd::Zero(kStates, kStates);
     A0.template topLeftCorner<kAttitude, kAttitude>().setIdentity();
-    for (int i = 0; i < state13::kVelocity; ++i) A0(i, state13::kVelocity + i) = dynamics_.step_s();
-    A0.template rightCols<7>() = J.template leftCols<7>();
+    for (int i = 0; i < state13::kVelocity; ++i) A0(i, state13::kVelocity + i) = dynamics().step_s();
+    A0.template rightCols<kCoupled>() = J.template leftCols<kCoupled>();
     typename Dynamics::Hessian S;
-    dynamics_.hessian(initial_state_, input(at.z, 0), at.lambda.template head<kStates>(), S);
+    dynamics().hessian(initial_state_, input(at.z, 0), at.lambda.template head<kStates>(), S);
     S0 = Eigen::MatrixXd::Zero(kInputs, kStates);
-    S0.template rightCols<7>() = S.template bottomLeftCorner<kInputs, 7>();
+    S0.template rightCols<kCoupled>() = S.template bottomLeftCorner<kInputs, kCoupled>();
   }
 
  private:
-  static constexpr int kAttitude = state13::kQuaternion;  // (q, w) stand together from here
+  static constexpr int kAttitude = state13::kQuaternion;  // what feeds back stands together from here:
+  static constexpr int kCoupled = Dynamics::kCoupled;     // (q, w), or q where the rate is an input
   static constexpr int kFree = Dynamics::kFree;
+
+  // The cost's view of a state: without an angular velocity that is no state.
+  static State13<double> padded(const State& x) {
+    State13<double> all = State13<double>::Zero();
+    all.template head<kStates>() = x;
+    return all;
+  }
 
   static int input_at(int k) { return k * kBlock; }
   static int state_at(int k) { return (k - 1) * kBlock + kInputs; }
@@ -211,12 +230,13 @@ class MultipleShooting : public NonlinearProgram {
     for (int r = 0; r < kStates; ++r) {
       if (k > 0) {
         if (r < kAttitude) visit(row0 + r, state_at(k) + r, 1.0);
-        if (r < state13::kVelocity) visit(row0 + r, state_at(k) + state13::kVelocity + r, dynamics_.step_s());
+        if (r < state13::kVelocity)
+          visit(row0 + r, state_at(k) + state13::kVelocity + r, dynamics().step_s());
         // Euler's equation does not know the attitude.
-        for (int c = r < state13::kAngularVelocity ? 0 : 4; c < 7; ++c)
+        for (int c = r < state13::kAngularVelocity ? 0 : 4; c < kCoupled; ++c)
           visit(row0 + r, state_at(k) + kAttitude + c, J(r, c));
       }
-      for (int c = 0; c < kInputs; ++c) visit(row0 + r, input_at(k) + c, J(r, 7 + c));
+      for (int c = 0; c < kInputs; ++c) visit(row0 + r, input_at(k) + c, J(r, kCoupled + c));
       visit(row0 + r, state_at(k + 1) + r, -1.0);
     }
   }
@@ -235,17 +255,19 @@ class MultipleShooting : public NonlinearProgram {
     }
     if (k > 0) {
       for (int r = 0; r < kAttitude; ++r) visit(state_at(k) + r, state_at(k) + r, H(r, r));
-      for (int r = 0; r < 7; ++r) {
+      for (int r = 0; r < kCoupled; ++r) {
         for (int c = 0; c <= r; ++c)
           visit(state_at(k) + kAttitude + r, state_at(k) + kAttitude + c,
                 H(kAttitude + r, kAttitude + c) + S(r, c));
       }
-      for (int r = 7; r < kFree; ++r) {
-        for (int c = 0; c < 7; ++c) visit(input_at(k) + r - 7, state_at(k) + kAttitude + c, S(r, c));
+      for (int r = kCoupled; r < kFree; ++r) {
+        for (int c = 0; c < kCoupled; ++c)
+          visit(input_at(k) + r - kCoupled, state_at(k) + kAttitude + c, S(r, c));
       }
     }
-    for (int r = 7; r < kFree; ++r) {
-      for (int c = 7; c <= r; ++c) visit(input_at(k) + r - 7, input_at(k) + c - 7, S(r, c));
+    for (int r = kCoupled; r < kFree; ++r) {
+      for (int c = kCoupled; c <= r; ++c)
+        visit(input_at(k) + r - kCoupled, input_at(k) + c - kCoupled, S(r, c));
     }
   }
 
@@ -263,11 +285,11 @@ class MultipleShooting : public NonlinearProgram {
                           [this](int row, int column, double) { hessian_sparsity_.add(row, column); });
   }
 
-  Dynamics dynamics_;
+  std::vector<Dynamics> dynamics_;  // one per stage
   TrackingCost cost_;
   int N_;
   Input input_weight_;
-  Input input_reference_ = Input::Zero();
+  std::vector<Input> input_reference_;  // one per stage
   double scale_;
   State initial_state_;
   Eigen::VectorXd lower_, upper_;

@@ -64,7 +64,7 @@ class NmpcLaw : public ControlLaw {
     return problem_.active_constraints(plan_, tolerance);
   }
   ActuatorInput holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance) override {
-    problem_.dynamics().set_disturbance(disturbance);
+    problem_.set_disturbance(disturbance);
     problem_.set_input_reference(problem_.dynamics().holding_input(q_WB));
     return actuate_(problem_.input_reference());
   }
@@ -76,12 +76,12 @@ class NmpcLaw : public ControlLaw {
     const Quaternion4<double> q = task.reference.template segment<4>(state13::kQuaternion);
     const double yaw = std::atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
     // The disturbance moves the equilibrium, not the linear motion about it.
-    problem_.dynamics().set_disturbance({});
+    problem_.set_disturbance({});
     if (with_terminal_ && terminal_yaw_ != yaw) {
       terminal_ = planar_terminal_weight(problem_.dynamics(), weights_, problem_.input_weight(), yaw);
       terminal_yaw_ = yaw;
     }
-    problem_.dynamics().set_disturbance(task.disturbance);
+    problem_.set_disturbance(task.disturbance);
     problem_.set_input_reference(problem_.dynamics().holding_input(q));
     problem_.cost().set_reference(task.reference, x0.template segment<4>(state13::kQuaternion), terminal_);
   }

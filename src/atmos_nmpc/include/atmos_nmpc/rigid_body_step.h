@@ -21,12 +21,20 @@ struct Disturbance {
   Vec3<double> angular_acceleration_B = Vec3<double>::Zero();
 };
 
+// How a reference moves: accelerations that inputs must cause, and the rate it turns with.
+struct Motion {
+  Vec3<double> acceleration_W = Vec3<double>::Zero();          // m/s^2
+  Vec3<double> rate_B = Vec3<double>::Zero();                  // rad/s
+  Vec3<double> angular_acceleration_B = Vec3<double>::Zero();  // rad/s^2
+};
+
 template <int NU>
 class RigidBodyStep {
  public:
   static constexpr int kStates = state13::kSize;
   static constexpr int kInputs = NU;
-  static constexpr int kFree = 7 + NU;  // (q, w, u): a step is linear in position and velocity
+  static constexpr int kCoupled = 7;           // (q, w): a step is linear in position and velocity
+  static constexpr int kFree = kCoupled + NU;  // (q, w, u)
   using State = State13<double>;
   using Input = Eigen::Matrix<double, NU, 1>;
   using Jacobian = Eigen::Matrix<double, kStates, kFree>;
@@ -46,16 +54,21 @@ class RigidBodyStep {
   // Accelerations that act besides the inputs, constant over the step (paper, ctl:disturbance_wrench).
   void set_disturbance(const Disturbance& disturbance) { disturbance_ = disturbance; }
 
-  // The inputs under which a body at rest with attitude q stays at rest, as nearly as they can and of least
-  // norm.
-  Input holding_input(const Quaternion4<double>& q) const {
+  // The inputs under which a body with attitude q moves so against the disturbance, as nearly as they can and
+  // of least norm.
+  Input moving_input(const Quaternion4<double>& q, const Motion& motion) const {
     Eigen::Matrix<double, 6, NU> effect;
     effect << D_over_m_, L_over_I_;
+    const Vec3<double>& w = motion.rate_B;
     Eigen::Matrix<double, 6, 1> needed;
-    needed << -rotate<double>({q[0], -q[1], -q[2], -q[3]}, disturbance_.acceleration_W),
-        -disturbance_.angular_acceleration_B;
+    needed << rotate<double>({q[0], -q[1], -q[2], -q[3]},
+                             motion.acceleration_W - disturbance_.acceleration_W),
+        motion.angular_acceleration_B - disturbance_.angular_acceleration_B +
+            euler_.cwiseProduct(Vec3<double>(w[1] * w[2], w[2] * w[0], w[0] * w[1]));
     return effect.completeOrthogonalDecomposition().solve(needed);
   }
+  // The same for a body at rest.
+  Input holding_input(const Quaternion4<double>& q) const { return moving_input(q, {}); }
 
   // The state after one step.
   State next(const State& x, const Input& u) const {

@@ -1,7 +1,10 @@
-// Cost of the distance to a pose at rest: stage and terminal weights, attitude errors, soft state bounds.
+// Cost of the distance to a reference, at rest or moving: stage and terminal weights, attitude errors, soft
+// state bounds.
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <vector>
 
 #include "atmos_model/rigid_body.h"
 
@@ -47,32 +50,46 @@ class TrackingCost {
 
   TrackingCost(AttitudeError kind, const TrackingWeights& weights, const SoftBounds& bounds);
 
-  // Reference pose [m, unit quaternion], velocities zero. `planar_terminal`: Riccati solution over the errors
+  // One reference state [m, unit quaternion, m/s, rad/s] for every stage, or one per stage from the first on;
+  // the last one holds for the stages after it. `planar_terminal`: Riccati solution over the errors
   // (x, y, yaw, vx, vy, yaw rate) that takes the place of the stage weight in these directions; not used with
   // kPaper.
   //
-  // The error's sign is settled here and not per stage: q_ref is turned into the half sphere of `q_now`, the
-  // attitude the horizon starts from. Along a continuous trajectory the error is then linear in q, so that
-  // the problem stays smooth, and its scalar part is >= 0 at the start.
+  // The error's sign is settled here and not per stage: the first q_ref is turned into the half sphere of
+  // `q_now`, the attitude the horizon starts from, and each one after it into that of the one before. Along a
+  // continuous trajectory the error is then linear in q, so that the problem stays smooth, and its scalar
+  // part is >= 0 at the start.
   void set_reference(const State& reference, const Quaternion4<double>& q_now,
                      const PlanarWeight& planar_terminal);
+  void set_reference(const std::vector<State>& references, const Quaternion4<double>& q_now,
+                     const PlanarWeight& planar_terminal);
 
-  double value(const State& x, bool terminal) const;
+  // Of the state at the start of stage k; the terminal weight is that of the last state.
+  double value(const State& x, int k, bool terminal) const;
   // Adds factor times the gradient, and the lower triangle of the Hessian.
-  void add_gradient(const State& x, bool terminal, double factor, State& gradient) const;
-  void add_hessian(const State& x, bool terminal, double factor, Hessian& H) const;
+  void add_gradient(const State& x, int k, bool terminal, double factor, State& gradient) const;
+  void add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const;
 
   // Number of bounds that x is within `tolerance` of, or beyond.
   int active_bounds(const State& x, double tolerance) const;
 
-  const State& reference() const { return reference_; }
+  const State& reference(int k = 0) const { return at(k).x; }
 
  private:
+  struct Stage {
+    State x;                   // the reference
+    Eigen::Matrix4d attitude;  // second derivative of the attitude's part, kVector
+  };
+  const Stage& at(int k) const { return stages_[std::min(static_cast<std::size_t>(k), stages_.size() - 1)]; }
+  // Quadratic part's gradient, kPaper's apart.
+  State slope(const State& x, int k, bool terminal) const;
+
   AttitudeError kind_;
   TrackingWeights weights_;
   SoftBounds bounds_;
-  State reference_ = State::Zero();
-  Hessian stage_;  // second derivative of the quadratic part
+  std::vector<Stage> stages_;  // never empty
+  // Second derivatives of the quadratic part: of a stage without the attitude, and all of the terminal one.
+  State diagonal_;
   Hessian terminal_;
 };
 
