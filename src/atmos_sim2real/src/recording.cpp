@@ -13,12 +13,55 @@ namespace {
 
 constexpr double kLeastDuration = 2.0;  // s of poses
 constexpr double kRepeat = 1e-5;        // s, two poses closer than this are one
+constexpr double kFarApart = 600.0;  // s: stamps on both sides of such a gap belong to different recordings
+constexpr double kFarthest = 1e3;    // m: no floor is that large
+constexpr double kLongestPeriod = 10.0;  // s of a command
+// A pose that lies this far from both its neighbours, which lie close together, is a mistake of the mocap.
+constexpr double kSpike = 0.2, kSpikeYaw = 0.5;  // m, rad
 
 std::string count_of(std::size_t n, const std::string& what) { return std::to_string(n) + " " + what; }
 
 bool finite(const PoseSample& pose) {
   return std::isfinite(pose.time_s) && std::isfinite(pose.x_m) && std::isfinite(pose.y_m) &&
-         std::isfinite(pose.yaw_rad);
+         std::isfinite(pose.yaw_rad) && std::abs(pose.x_m) < kFarthest && std::abs(pose.y_m) < kFarthest;
+}
+
+// Keeps the longest stretch of a sorted stream without a gap of kFarApart; returns how many were dropped.
+template <class Sample, class TimeOf>
+std::size_t keep_longest_stretch(std::vector<Sample>& stream, const TimeOf& time_of) {
+  std::size_t best = 0, best_size = 0;
+  for (std::size_t begin = 0, i = 1; i <= stream.size(); ++i) {
+    if (i < stream.size() && time_of(stream[i]) - time_of(stream[i - 1]) < kFarApart) continue;
+    if (i - begin > best_size) {
+      best = begin;
+      best_size = i - begin;
+    }
+    begin = i;
+  }
+  const std::size_t dropped = stream.size() - best_size;
+  if (dropped > 0)
+    stream = {stream.begin() + static_cast<std::ptrdiff_t>(best),
+              stream.begin() + static_cast<std::ptrdiff_t>(best + best_size)};
+  return dropped;
+}
+
+// Drops single poses far from both neighbours; returns how many.
+std::size_t drop_spikes(std::vector<PoseSample>& poses) {
+  const auto far = [](const PoseSample& a, const PoseSample& b) {
+    return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) > kSpike ||
+           std::abs(wrap_angle(a.yaw_rad - b.yaw_rad)) > kSpikeYaw;
+  };
+  std::vector<PoseSample> kept;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const bool inside = !kept.empty() && i + 1 < poses.size();
+    if (inside && far(kept.back(), poses[i]) && far(poses[i], poses[i + 1]) &&
+        !far(kept.back(), poses[i + 1]))
+      continue;
+    kept.push_back(poses[i]);
+  }
+  const std::size_t dropped = poses.size() - kept.size();
+  poses = std::move(kept);
+  return dropped;
 }
 
 void clean_poses(Recording& recording) {
@@ -27,13 +70,16 @@ void clean_poses(Recording& recording) {
   poses.erase(std::remove_if(poses.begin(), poses.end(), [](const PoseSample& p) { return !finite(p); }),
               poses.end());
   if (poses.size() < all)
-    recording.warnings.push_back(count_of(all - poses.size(), "poses are not finite: dropped"));
+    recording.warnings.push_back(
+        count_of(all - poses.size(), "poses are not finite or off any floor: dropped"));
 
   std::size_t backwards = 0;
   for (std::size_t i = 1; i < poses.size(); ++i) backwards += poses[i].time_s < poses[i - 1].time_s;
   if (backwards > 0) recording.warnings.push_back(count_of(backwards, "poses are out of order: sorted"));
   std::stable_sort(poses.begin(), poses.end(),
                    [](const PoseSample& a, const PoseSample& b) { return a.time_s < b.time_s; });
+  if (const std::size_t n = keep_longest_stretch(poses, [](const PoseSample& p) { return p.time_s; }); n > 0)
+    recording.warnings.push_back(count_of(n, "poses are stamped far from the others: dropped"));
 
   std::vector<PoseSample> kept;
   std::size_t repeated = 0, frozen = 0;
@@ -51,6 +97,8 @@ void clean_poses(Recording& recording) {
   if (frozen > 0)
     recording.warnings.push_back(count_of(frozen, "poses repeat the pose before them: dropped"));
   poses = std::move(kept);
+  if (const std::size_t n = drop_spikes(poses); n > 0)
+    recording.warnings.push_back(count_of(n, "poses lie far from those before and after: dropped"));
   for (std::size_t i = 1; i < poses.size(); ++i) {
     poses[i].yaw_rad = poses[i - 1].yaw_rad + wrap_angle(poses[i].yaw_rad - poses[i - 1].yaw_rad);
   }
@@ -65,7 +113,7 @@ void clean_commands(Recording& recording, std::size_t thruster_count) {
       ++wrong_size;
       return true;
     }
-    return !std::isfinite(c.stamp_s) || !(c.period_s > 0.0) || !std::isfinite(c.period_s) ||
+    return !std::isfinite(c.stamp_s) || !(c.period_s > 0.0) || !(c.period_s <= kLongestPeriod) ||
            std::any_of(c.duty.begin(), c.duty.end(), [](double d) { return !(std::abs(d) <= 1.0); });
   };
   commands.erase(std::remove_if(commands.begin(), commands.end(), unusable), commands.end());
@@ -76,6 +124,10 @@ void clean_commands(Recording& recording, std::size_t thruster_count) {
     recording.warnings.push_back(count_of(all - commands.size(), "commands are malformed: dropped"));
   std::stable_sort(commands.begin(), commands.end(),
                    [](const ThrusterCommand& a, const ThrusterCommand& b) { return a.stamp_s < b.stamp_s; });
+  if (const std::size_t n =
+          keep_longest_stretch(commands, [](const ThrusterCommand& c) { return c.stamp_s; });
+      n > 0)
+    recording.warnings.push_back(count_of(n, "commands are stamped far from the others: dropped"));
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ from geometry_msgs.msg import PoseStamped
 START = 1.7e9
 
 
-def write(path, poses=1200, commands=120, valves=8, pose_shift=0.0):
+def write(path, poses=1200, commands=120, valves=8, pose_shift=0.0, nan_from=None):
     with rosbag.Bag(path, "w") as bag:
         for k in range(commands):
             message = ThrusterCommand()
@@ -29,6 +29,8 @@ def write(path, poses=1200, commands=120, valves=8, pose_shift=0.0):
             message.pose.position.y = 1.0 + 1e-5 * math.sin(78.233 * i * i)
             message.pose.orientation.z = 1e-5 * math.sin(37.719 * i * i)
             message.pose.orientation.w = 1.0
+            if nan_from is not None and i >= nan_from:
+                message.pose.position.x = message.pose.orientation.w = float("nan")
             bag.write("/atmos/mocap/pose", message, message.header.stamp)
 
 
@@ -44,6 +46,9 @@ def main():
     write(path("one_pose"), poses=1)
     write(path("four_valves"), valves=4)
     write(path("clocks_apart"), pose_shift=7200.0)
+    write(path("all_nan"), nan_from=0)
+    write(path("half_nan"), nan_from=600)
+    rosbag.Bag(path("no_messages"), "w").close()
     with open(path("good"), "rb") as good:
         content = good.read()
     with open(path("truncated"), "wb") as out:

@@ -115,5 +115,37 @@ TEST(CleanRecording, LeavesOutPosesBeforeTheFirstCommand) {
   EXPECT_GE(clean_recording(raw, 8).poses.front().time_s, kStart + 1.0 - 1e-6);
 }
 
+TEST(CleanRecording, StampsFarFromTheOthersAreDropped) {
+  Recording recording = flown();
+  recording.commands[3].stamp_s = 0.0;
+  recording.commands[5].stamp_s += 1e9;
+  recording.poses[7].time_s -= 4000.0;
+  const Recording clean = clean_recording(recording, 8);
+  EXPECT_DOUBLE_EQ(clean.start_s(), kStart);
+  EXPECT_LT(clean.duration_s(), 6.0);
+  EXPECT_TRUE(warns(clean, "2 commands are stamped far from the others"));
+  EXPECT_TRUE(warns(clean, "1 poses are stamped far from the others"));
+}
+
+TEST(CleanRecording, SpikesAndWildNumbersAreDropped) {
+  Recording recording = flown();
+  recording.poses[100].x_m += 64.0;
+  recording.poses[200].yaw_rad += 2.0;
+  recording.poses[300].y_m = 1e200;
+  recording.commands[4].period_s = 1e9;
+  const Recording clean = clean_recording(recording, 8);
+  EXPECT_EQ(clean.poses.size(), recording.poses.size() - 3);
+  EXPECT_TRUE(warns(clean, "2 poses lie far from those before and after"));
+  EXPECT_TRUE(warns(clean, "1 poses are not finite or off any floor"));
+  EXPECT_TRUE(warns(clean, "1 commands are malformed"));
+}
+
+TEST(CleanRecording, AFastRobotIsNoSpike) {
+  Recording recording = flown();
+  for (std::size_t i = 0; i < recording.poses.size(); ++i)
+    recording.poses[i].x_m += 0.3 * static_cast<double>(i);
+  EXPECT_EQ(clean_recording(recording, 8).poses.size(), recording.poses.size());
+}
+
 }  // namespace
 }  // namespace atmos

@@ -62,6 +62,8 @@ TEST_F(Tools, RefuseBadRecordings) {
                                       {"one_pose", "fewer than two usable poses"},
                                       {"four_valves", "not for the 8 thrusters"},
                                       {"clocks_apart", "clocks apart"},
+                                      {"all_nan", "fewer than two usable poses"},
+                                      {"no_messages", "no atmos_msgs/ThrusterCommand"},
                                       {"truncated", "cannot be read as a ROS 1 bag"},
                                       {"text", "cannot be read as a ROS 1 bag"},
                                       {"empty", "cannot be read as a ROS 1 bag"}}) {
@@ -71,6 +73,20 @@ TEST_F(Tools, RefuseBadRecordings) {
     expect_refused(predict(bag(name)), because);
   }
   EXPECT_FALSE(fs::exists(folder_ / "out" / "report.json"));
+}
+
+// One bad recording among good ones: nothing is concluded from the rest behind the user's back.
+TEST_F(Tools, RefuseAListWithOneBadRecording) {
+  const Outcome outcome = diagnose(bag("good") + " " + bag("truncated") + " " + bag("half_nan"));
+  expect_refused(outcome, bag("truncated") + ": cannot be read as a ROS 1 bag");
+}
+
+TEST_F(Tools, WarnOfWhatWasDropped) {
+  const Outcome outcome = predict("--horizon 2 " + bag("half_nan"));
+  EXPECT_EQ(outcome.code, 0) << outcome.text;
+  EXPECT_NE(outcome.text.find("warning: " + bag("half_nan") + ": 600 poses are not finite"),
+            std::string::npos)
+      << outcome.text;
 }
 
 TEST_F(Tools, RefuseBadArguments) {

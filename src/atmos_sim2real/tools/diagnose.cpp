@@ -69,12 +69,12 @@ void run(const Arguments& arguments) {
   std::vector<Flight> flights;
   for (const std::string& bag : arguments.bags) {
     say("reading " + bag);
-    flights.emplace_back(read_recording(bag, vehicle));
+    flights.emplace_back(read_answering(bag, vehicle));
   }
   std::vector<Recording> held_out;
   for (const std::string& bag : arguments.held_out) {
     say("reading " + bag + " (held out)");
-    held_out.push_back(read_recording(bag, vehicle));
+    held_out.push_back(read_answering(bag, vehicle));
   }
   const std::string out = arguments.out + "/";
   fs::create_directories(out);

@@ -12,6 +12,7 @@
 #include "atmos_model/effects.h"
 #include "atmos_model/vehicle.h"
 #include "atmos_sim2real/recording.h"
+#include "atmos_sim2real/response.h"
 #include "atmos_sim2real_ros/bag_reader.h"
 
 namespace atmos {
@@ -21,6 +22,15 @@ inline Recording read_recording(const std::string& path, const Vehicle& vehicle)
   Recording recording = clean_recording(read_bag(path), static_cast<int>(vehicle.thrusters.size()));
   for (const std::string& warning : recording.warnings)
     std::fprintf(stderr, "warning: %s: %s\n", path.c_str(), warning.c_str());
+  return recording;
+}
+
+// The same for a diagnosis: refuses a recording whose motion does not answer the commands as this vehicle's
+// would.
+inline Recording read_answering(const std::string& path, const Vehicle& vehicle) {
+  Recording recording = read_recording(path, vehicle);
+  if (const std::string why = refusal(response(recording, vehicle)); !why.empty())
+    throw std::invalid_argument(path + ": " + why);
   return recording;
 }
 

@@ -18,9 +18,12 @@ class Failure(Exception):
     pass
 
 
-def digest(path):
-    with open(path, "rb") as file:
-        return hashlib.sha256(file.read()).hexdigest()[:16]
+def digest(paths):
+    total = hashlib.sha256()
+    for path in paths:
+        with open(path, "rb") as file:
+            total.update(file.read())
+    return total.hexdigest()[:16]
 
 
 def child(command, timeout, log=None):
@@ -54,7 +57,13 @@ def child(command, timeout, log=None):
 class Runner:
     def __init__(self, options, tools, vehicle):
         self.options, self.tools, self.vehicle = options, tools, vehicle
-        self.versions = {name: digest(path) for name, path in tools.items()}
+        # What flies and what diagnoses are told apart: programs with the libraries of ours that they load.
+        libraries = os.path.join(options.binaries, "libatmos_{}.so")
+        common = [libraries.format("model")]
+        self.versions = {
+            "flight": digest([tools["fly"], libraries.format("sim")] + common),
+            "diagnosis": digest([tools[name] for name in ("diagnose", "predict")]
+                                + [libraries.format("sim2real"), libraries.format("sim2real_ros")] + common)}
 
     def folder(self, family, index):
         return os.path.join(self.options.out, str(self.options.seed), f"{family}_{index:04d}")
