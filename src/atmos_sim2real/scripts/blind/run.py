@@ -11,6 +11,7 @@ import time
 
 from . import hidden, scoring
 
+BASELINES = ("nominal", "fit_all", "disturbance_ekf", "sparse_regression")
 MEMORY_LIMIT = 4 << 30  # bytes of address space for a child
 
 
@@ -105,8 +106,9 @@ class Runner:
         with open(os.path.join(apart, "report.json")) as file:
             return json.load(file), wall, memory
 
-    def predictions(self, folder, truth):
-        """Errors on the second flight, every window started from the motion that the mocap would show without error."""
+    def predictions(self, folder, truth, models):
+        """Errors of models (name -> file or None) on the second flight, every window started from the motion that the mocap
+        would show without error."""
         shown = scoring.read_table(os.path.join(folder, "shown_b.csv"))
         starts = os.path.join(folder, "starts.csv")
         end, due = shown[-1]["stamp"] - 5.2, shown[0]["stamp"] + 2.0
@@ -119,15 +121,36 @@ class Runner:
         with open(os.path.join(folder, "oracle.yaml"), "w") as file:
             json.dump({"effects": truth["second_effects"]}, file)
         errors = {}
-        for name, model in (("nominal", None), ("fitted", os.path.join(folder, "diagnosis_a", "model.yaml")),
-                            ("oracle", os.path.join(folder, "oracle.yaml"))):
-            table = os.path.join(folder, f"predicted_{name}.csv")
+        for name, model in models.items():
+            table = os.path.join(folder, "predicted.csv")
             child([self.tools["predict"], "--vehicle", self.vehicle, "--horizon", "5", "--initial-states", starts, "--out",
                    table, os.path.join(folder, "b.bag")] + (["--model", model] if model else []), 300,
                   os.path.join(folder, "predict.log"))
             errors[name] = scoring.prediction_error(scoring.read_table(table), shown)
             os.remove(table)
         return errors
+
+    def baseline(self, folder, name, truth, errors):
+        """Score of a baseline on the same bag; one that fails claims nothing and predicts as the nominal model."""
+        apart = os.path.join(folder, f"baseline_{name}")
+        os.makedirs(apart)
+        report = {"verdict": "consistent", "mismatch": {"p_value": None, "smallest_detectable": {}}, "effects": []}
+        fitted = errors and errors["nominal"]
+        bag = os.path.join(folder, "diagnosis_a", "flight.bag")
+        try:
+            if name == "fit_all":
+                child([self.tools["fit_all"], "--vehicle", self.vehicle, "--out", apart, bag], 300, os.path.join(apart, "log"))
+            elif name != "nominal":
+                script = os.path.join(os.path.dirname(os.path.realpath(__file__)), "baselines.py")
+                child([sys.executable, script, name, bag, self.vehicle, apart], 300, os.path.join(apart, "log"))
+            if name != "nominal":
+                with open(os.path.join(apart, "report.json")) as file:
+                    report = json.load(file)
+                if errors:
+                    fitted = self.predictions(folder, truth, {"fitted": os.path.join(apart, "model.yaml")})["fitted"]
+        except Failure as failure:
+            progress(f"baseline {name}: {failure}")
+        return scoring.score(truth, report, errors and dict(errors, fitted=fitted), hidden.FIRST_START)
 
     def run(self, family, index):
         """One run from the draw to the score; what cannot be scored is a result with `failure`."""
@@ -142,11 +165,15 @@ class Runner:
             report, wall, memory = self.diagnose(folder, "a")
             if "twin" in system["flights"]:
                 result["twin"] = scoring.score_null(self.diagnose(folder, "twin")[0])
-            errors = self.predictions(folder, truth) if truth["effects"] else None
+            errors = self.predictions(folder, truth, {
+                "nominal": None, "fitted": os.path.join(folder, "diagnosis_a", "model.yaml"),
+                "oracle": os.path.join(folder, "oracle.yaml")}) if truth["effects"] else None
             result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START)
             if "twin" in result:
                 result["score"]["multiple"] = scoring.stated_multiple(truth["effects"][0], result["twin"]["stated"])
             result.update(wall_s=wall, memory_mib=memory)
+            if self.options.baselines:
+                result["baselines"] = {name: self.baseline(folder, name, truth, errors) for name in BASELINES}
         except Failure as failure:
             result["failure"] = str(failure)
         with open(os.path.join(folder, "result.json"), "w") as file:

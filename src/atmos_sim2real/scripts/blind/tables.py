@@ -39,38 +39,51 @@ def visible(result):
 
 
 def rows(results):
-    by = lambda family: [r["score"] for r in results if r["family"] == family and "score" in r]
-    single, multi, outside = by("single"), by("multi"), by("outside")
-    null = by("null") + [r["twin"] for r in results if "twin" in r]
-    out = [share_row("failed", ["failure" in r for r in results]),
-           share_row("false_alarm", [s["detected"] for s in null]),
-           share_row("false_name", [bool(s["claims"]) for s in null])]
-    large = [r["score"] for r in results if r["family"] == "single" and "score" in r and visible(r)]
-    stated = [s for s in large if s["multiple"] is not None]
-    out += [share_row("detection", [s["detected"] for s in stated]),
-            share_row("detection_kinds_without_stated_size", [s["detected"] for s in large if s not in stated]),
-            share_row("right_name_first", [s["right_first"] for s in large]),
-            share_row("right_name_first_or_listed", [s["listed"] for s in large]),
-            share_row("extra_name", [bool(s["extra"]) for s in large]),
-            share_row("wrong_name_when_small", [bool(s["claims"]) and not s["right_first"] for s in single if s not in large])]
-    named = [s for s in single + multi]
-    out += [share_row("right_thruster", [x for s in named for x in s["thruster_right"]]),
-            share_row("onset_within_1s", [x <= 1.0 for s in named for x in s["onset_errors"]]),
-            median_row("onset_error", "s", [x for s in named for x in s["onset_errors"] if math.isfinite(x)]),
-            median_row("parameter_error", "share", [p["relative_error"] for s in large for p in s["parameters"]]),
-            share_row("interval_coverage", [abs(z) <= 1.96 for s in large for p in s["parameters"] for z in p["scores"]]),
-            median_row("heldout_gain_ratio", "share", [s["gain_ratio"] for s in large if "gain_ratio" in s]),
-            share_row("heldout_gain_ratio_above_0.95", [s["gain_ratio"] >= 0.95 for s in large if "gain_ratio" in s])]
-    out += [share_row("multi_all_named", [s["all_named"] for s in multi]),
-            share_row("multi_extra_name", [bool(s["extra"]) for s in multi]),
-            share_row("multi_right_name_first", [s["right_first"] for s in multi]),
-            median_row("multi_heldout_gain_ratio", "share", [s["gain_ratio"] for s in multi if "gain_ratio" in s])]
-    out += [share_row("outside_no_wrong_name", [not s["wrong_name"] for s in outside]),
-            share_row("outside_detection", [s["detected"] for s in outside]),
-            share_row("outside_formula", [s["formula"] for s in outside])]
+    out = [share_row("failed", ["failure" in r for r in results])] + method_rows(results, "", lambda r: r["score"])
     out += [median_row("diagnosis_wall", "s", [r["wall_s"] for r in results if "wall_s" in r]),
             median_row("diagnosis_memory", "MiB", [r["memory_mib"] for r in results if "memory_mib" in r])]
+    for name in sorted({name for r in results for name in r.get("baselines", {})}):
+        with_it = [r for r in results if name in r.get("baselines", {})]
+        out += method_rows(with_it, f"baseline_{name}/", lambda r: r["baselines"][name])
     return [row for row in out if row]
+
+
+def method_rows(results, prefix, score_of):
+    """The rows of one method; `score_of` a result gives its score."""
+    results = [r for r in results if "score" in r]
+    by = lambda family: [score_of(r) for r in results if r["family"] == family]
+    single, multi, outside = by("single"), by("multi"), by("outside")
+    null = by("null") + ([r["twin"] for r in results if "twin" in r] if not prefix else [])
+    large = [score_of(r) for r in results if r["family"] == "single" and visible(r)]
+    small = [score_of(r) for r in results if r["family"] == "single" and not visible(r)]
+    with_size = [r for r in results if r["family"] == "single" and visible(r) and r["score"]["multiple"] is not None]
+    without = [r for r in results if r["family"] == "single" and visible(r) and r["score"]["multiple"] is None]
+    of = lambda name: prefix + name
+    return [
+        share_row(of("false_alarm"), [s["detected"] for s in null]),
+        share_row(of("false_name"), [bool(s["claims"]) for s in null]),
+        share_row(of("detection"), [score_of(r)["detected"] for r in with_size]),
+        share_row(of("detection_without_stated_size"), [score_of(r)["detected"] for r in without]),
+        share_row(of("right_name_first"), [s["right_first"] for s in large]),
+        share_row(of("right_name_first_or_listed"), [s["listed"] for s in large]),
+        share_row(of("extra_name"), [bool(s["extra"]) for s in large]),
+        share_row(of("wrong_name_when_small"), [bool(s["claims"]) and not s["right_first"] for s in small]),
+        share_row(of("right_thruster"), [x for s in single + multi for x in s["thruster_right"]]),
+        share_row(of("onset_within_1s"), [x <= 1.0 for s in single + multi for x in s["onset_errors"]]),
+        median_row(of("onset_error"), "s", [x for s in single + multi for x in s["onset_errors"] if math.isfinite(x)]),
+        median_row(of("parameter_error"), "share", [p["relative_error"] for s in large for p in s["parameters"]]),
+        share_row(of("interval_coverage"),
+                  [abs(z) <= 1.96 for s in large for p in s["parameters"] for z in p["scores"]]),
+        median_row(of("heldout_gain_ratio"), "share", [s["gain_ratio"] for s in large if "gain_ratio" in s]),
+        share_row(of("heldout_gain_ratio_above_0.95"), [s["gain_ratio"] >= 0.95 for s in large if "gain_ratio" in s]),
+        share_row(of("multi_all_named"), [s["all_named"] for s in multi]),
+        share_row(of("multi_right_name_first"), [s["right_first"] for s in multi]),
+        share_row(of("multi_extra_name"), [bool(s["extra"]) for s in multi]),
+        median_row(of("multi_heldout_gain_ratio"), "share", [s["gain_ratio"] for s in multi if "gain_ratio" in s]),
+        share_row(of("outside_no_wrong_name"), [not s["wrong_name"] for s in outside]),
+        share_row(of("outside_detection"), [s["detected"] for s in outside]),
+        share_row(of("outside_formula"), [s["formula"] for s in outside]),
+    ]
 
 
 BINS = ((0, 1), (1, 2), (2, 5), (5, 20), (20, math.inf))
