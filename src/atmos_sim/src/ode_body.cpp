@@ -54,6 +54,10 @@ Simulation::OdeBody::OdeBody(double mass_kg, double inertia_kg_m2, const PlanarS
   body_ = dBodyCreate(world_);
   set_mass(mass_kg);
   dJointAttach(dJointCreatePlane2D(world_, nullptr), body_, nullptr);
+  set_state(state);
+}
+
+void Simulation::OdeBody::set_state(const PlanarState<double>& state) {
   place(body_, state);
   dBodySetLinearVel(body_, state.v_WC.x(), state.v_WC.y(), 0.0);
   dBodySetAngularVel(body_, 0.0, 0.0, state.yaw_rate);

@@ -16,6 +16,7 @@ class Simulation::OdeBody {
   OdeBody& operator=(const OdeBody&) = delete;
 
   void set_mass(double mass_kg);
+  void set_state(const PlanarState<double>& state);
   // One step under accelerations [m/s^2, rad/s^2] that are constant over it; `state` is moved along. Throws
   // std::runtime_error when ODE reports a fault.
   void step(const PlanarAcceleration<double>& acceleration, double dt, PlanarState<double>& state);

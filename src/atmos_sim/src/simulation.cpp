@@ -112,6 +112,13 @@ void Simulation::step(double dt) {
   ++steps_;
 }
 
+void Simulation::set_body(const PlanarState<double>& center_of_mass) {
+  body_ = center_of_mass;
+  ode_->set_state(body_);
+  past_.clear();
+  remember();
+}
+
 void Simulation::remember() {
   const double oldest = time_s_ - plant_.properties().mocap_latency_s;
   past_.push_back({time_s_, body_});

@@ -212,6 +212,25 @@ def error_table(report):
             + "<th>position</th><th>yaw</th><th>fit</th>" * 3 + f"</tr>{rows}</table>")
 
 
+def simulator_check(report):
+    """The same in the simulator: model.yaml loaded as it is, the recorded commands flown again."""
+    check = report.get("ode_check", {})
+    if not check.get("windows"):
+        return ""
+    on = ("recordings that the fit has not seen" if check["on"] == "held-out"
+          else "the recordings that were fitted (there are no held-out ones)")
+    rows = "".join(f"<tr><td>{model}</td><td>{1e3 * check[model]['position_rms_m']:.3g} mm</td>"
+                   f"<td>{180 / np.pi * check[model]['yaw_rms_rad']:.2g}°</td></tr>" for model in ("nominal", "fitted"))
+    floor = report["fit"]["noise_floor"]
+    if floor["position_rms_m"] is not None:
+        rows += (f"<tr><td>noise alone</td><td>{1e3 * floor['position_rms_m']:.3g} mm</td>"
+                 f"<td>{180 / np.pi * floor['yaw_rms_rad']:.2g}°</td></tr>")
+    return (f"<h2>In the simulator</h2><p>The ODE simulator loaded model.yaml and flew the recorded commands of {on}, "
+            f"{check['windows']} windows of {check['horizon_s']:g} s: what it is off by at their ends. It never lies further "
+            f"than {1e3 * check['largest_difference_m']:.2g} mm from this report's own prediction.</p>"
+            f"<table class=grid><tr><th>model</th><th>position</th><th>yaw</th></tr>{rows}</table>")
+
+
 def first_sentence(report):
     fit, places = report["fit"], report["mismatch"]["where"]
     parts = []
@@ -260,6 +279,7 @@ def page(report, figures):
         on = "held-out recordings" if report["fit"]["on"] == "held-out" else "blocks left out of the fit"
         body.append(f"<h2>Before and after</h2><p>{models}, predicting open loop on the recorded commands, on {on}. "
                     f"Every line starts anew each 5 s.</p>{image('prediction')}{error_table(report)}")
+    body.append(simulator_check(report))
     body.append(f"<h2>Where</h2>{image('floor')}{image('thrusters')}{image('time')}")
     if mismatch["where"]:
         axes = ", ".join(f"{name} {100 * (share or 0):.0f} %" for name, share in mismatch["axes"].items())

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 namespace {
 
@@ -101,6 +102,23 @@ TEST_F(Tools, RefuseBadArguments) {
   std::ofstream(model) << "effects: [{kind: thruster_dead, parameters: {thruster: 12, since_s: 0}}]\n";
   expect_refused(predict("--model " + model + " " + bag("good")),
                  "effects[0].parameters.thruster: must not be above 8");
+}
+
+// A robot at rest that nothing pushes: nothing is claimed, and the simulator agrees.
+TEST_F(Tools, DiagnoseReportsAndReplaysInTheSimulator) {
+  const Outcome outcome = diagnose(bag("good"));
+  ASSERT_EQ(outcome.code, 0) << outcome.text;
+  EXPECT_NE(outcome.text.find("verdict: consistent"), std::string::npos) << outcome.text;
+  std::ifstream file(folder_ / "out" / "report.json");
+  const nlohmann::json report = nlohmann::json::parse(file);
+  EXPECT_TRUE(report["effects"].empty());
+  const nlohmann::json& check = report["ode_check"];
+  ASSERT_TRUE(check.contains("windows")) << check;
+  EXPECT_EQ(check["windows"], 2);
+  EXPECT_EQ(check["on"], "fitted recordings");
+  EXPECT_LT(check["fitted"]["position_rms_m"].get<double>(), 1e-3);
+  EXPECT_LT(check["largest_difference_m"].get<double>(), 1e-6);
+  EXPECT_FALSE(fs::exists(folder_ / "out" / "ode_check"));
 }
 
 TEST_F(Tools, PredictWritesItsTable) {

@@ -10,6 +10,7 @@
 
 #include "atmos_model/effects.h"
 #include "atmos_sim2real/report.h"
+#include "ode_check.h"
 #include "recordings.h"
 
 namespace {
@@ -62,6 +63,26 @@ void print_summary(const nlohmann::ordered_json& summary) {
               1e3 * fit["noise_floor"]["position_rms_m"].get<double>());
 }
 
+// The simulator under model.yaml on the held-out recordings or, without such, on those that were fitted.
+nlohmann::ordered_json replayed(const Arguments& arguments, const Vehicle& vehicle,
+                                const std::vector<Effect>& known, const std::vector<Effect>& claimed,
+                                const std::vector<Flight>& flights, const std::vector<Recording>& held_out) {
+  std::vector<Recording> recordings = held_out;
+  if (held_out.empty()) {
+    for (const Flight& flight : flights) recordings.push_back(flight.recording());
+  }
+  std::vector<Effect> fitted = known;
+  fitted.insert(fitted.end(), claimed.begin(), claimed.end());
+  nlohmann::ordered_json check =
+      ode_check(recordings, vehicle, arguments.vehicle, known, fitted, arguments.out);
+  if (check.contains("skipped"))
+    std::fprintf(stderr, "warning: not replayed in the simulator: %s\n",
+                 check["skipped"].get<std::string>().c_str());
+  else
+    check["on"] = held_out.empty() ? "fitted recordings" : "held-out";
+  return check;
+}
+
 void run(const Arguments& arguments) {
   refuse_repeated_bags(arguments);
   const Vehicle vehicle = load_vehicle(arguments.vehicle);
@@ -87,7 +108,9 @@ void run(const Arguments& arguments) {
   const Proof proof = held_out.empty() ? prove_on_blocks(problem, diagnosis.search.final)
                                        : prove_held_out(problem, diagnosis.search.final, held_out);
 
-  const nlohmann::ordered_json summary = report(diagnosis, problem, proof);
+  nlohmann::ordered_json summary = report(diagnosis, problem, proof);
+  say("replaying in the simulator");
+  summary["ode_check"] = replayed(arguments, vehicle, known, claimed_effects(diagnosis), flights, held_out);
   write_text(out + "model.yaml", write_model(claimed_effects(diagnosis)));
   write_text(out + "plots.json", plot_data(diagnosis, problem, proof).dump());
   write_text(out + "report.json", summary.dump(1) + "\n");

@@ -32,6 +32,9 @@ class Simulation {
   // force jumps. Does nothing when `until_s` has passed. Throws std::runtime_error when ODE reports a fault.
   void advance_to(double until_s);
 
+  // Puts the centre of mass into a state, now; hidden states and valves stay as they are.
+  void set_body(const PlanarState<double>& center_of_mass);
+
   double time_s() const { return time_s_; }
   std::uint64_t steps() const { return steps_; }
   const Plant& plant() const { return plant_; }
