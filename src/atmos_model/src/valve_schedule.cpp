@@ -10,6 +10,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kJoinTolerance = 1e-3;  // s (docs/conventions.md)
 constexpr double kSameInstant = 1e-9;    // s, below the resolution of a stamp
+constexpr std::size_t kReserved = 32;    // intervals a valve: who forgets every second never allocates
 
 bool well_formed(const ThrusterCommand& command, std::size_t valves, Actuation actuation) {
   if (command.duty.size() != valves || !std::isfinite(command.stamp_s)) return false;
@@ -24,6 +25,7 @@ bool well_formed(const ThrusterCommand& command, std::size_t valves, Actuation a
 ValveSchedule::ValveSchedule(int valve_count, ValveTiming timing, Actuation actuation)
     : timing_(std::move(timing)), actuation_(actuation), commanded_(static_cast<std::size_t>(valve_count)) {
   timing_.dead_since_s.resize(commanded_.size(), kInfinity);
+  for (std::vector<Interval>& intervals : commanded_) intervals.reserve(kReserved);
 }
 
 ValveSchedule::Taken ValveSchedule::add(const ThrusterCommand& command, double now_s) {

@@ -113,23 +113,26 @@ class NmpcNode {
     if (now > 0.0) publish(controller_.on_silence(now), now, begin);
   }
 
-  void publish(const std::optional<ControlDecision>& decision, double event_stamp_s, double begin) {
-    if (!decision) return;
+  void publish(const ControlDecision* decision, double event_stamp_s, double begin) {
+    if (decision == nullptr) return;
     const ros::Time stamp(decision->command.stamp_s);
     publish_command(*decision, stamp);
     publish_status(*decision, stamp, event_stamp_s, begin);
     if (decision->disturbance) publish_disturbance(*decision->disturbance, stamp);
-    if (decision->path.empty() || path_pub_.getNumSubscribers() == 0) return;
+    if (!decision->path.empty() && path_pub_.getNumSubscribers() > 0) publish_path(*decision, stamp);
+    controller_.prepare();
+  }
 
+  void publish_path(const ControlDecision& decision, const ros::Time& stamp) {
     nav_msgs::Path path;
     path.header.stamp = stamp;
     path.header.frame_id = kWorldFrame;
-    for (std::size_t k = 0; k < decision->path.size(); ++k) {
-      const State13<double>& x = decision->path[k];
+    for (std::size_t k = 0; k < decision.path.size(); ++k) {
+      const State13<double>& x = decision.path[k];
       geometry_msgs::PoseStamped pose;
       pose.header.frame_id = kWorldFrame;
       pose.header.stamp =
-          ros::Time(decision->command.stamp_s + static_cast<double>(k) * controller_.period_s());
+          ros::Time(decision.command.stamp_s + static_cast<double>(k) * controller_.period_s());
       pose.pose.position.x = x[0];
       pose.pose.position.y = x[1];
       pose.pose.position.z = x[2];
@@ -192,7 +195,9 @@ class NmpcNode {
     status.latency = steady_seconds() - begin;
     status.iterations = static_cast<std::uint32_t>(decision.solve.iterations);
     status.objective = decision.solve.objective;
-    status.active_constraints = static_cast<std::uint32_t>(decision.active_constraints);
+    status.feedback = decision.feedback;
+    status.active_inputs = static_cast<std::uint32_t>(decision.active.inputs);
+    status.active_states = static_cast<std::uint32_t>(decision.active.states);
     status.odometry_age = decision.odometry_age_s;
     // In lockstep ROS time waits for the command, so that only the steady clock can tell.
     const double delay = lockstep_ ? status.latency : ros::Time::now().toSec() - event_stamp_s;
@@ -223,6 +228,7 @@ class NmpcNode {
     }
     out.add("solves", counters.solves);
     out.add("solver failures", counters.solver_failures);
+    out.add("commands by feedback", counters.feedbacks);
     out.add("deadline misses", deadline_misses_);
     out.add("odometry rejected, not finite", counters.rejected_not_finite);
     out.add("odometry rejected, out of order", counters.rejected_order);

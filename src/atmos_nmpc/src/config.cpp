@@ -124,6 +124,9 @@ ControllerConfig load_controller(const std::string& path, const Vehicle& vehicle
   const ConfigMap solver = map.map("solver");
   config.objective_scale = solver.number("objective_scale", Bounds::positive());
   config.solver = read_solver(solver, period_s);
+  config.feedback = solver.choice("feedback", {"advanced_step", "full"}, "advanced_step") == "full"
+                        ? FeedbackKind::kFull
+                        : FeedbackKind::kAdvancedStep;
 
   config.lead_s = map.map("timing").number("lead_s", Bounds::between(0.0, period_s));
   config.limits = read_limits(map.map("limits"));

@@ -14,14 +14,19 @@ std::unique_ptr<ControlLaw> make_control_law(const Vehicle& vehicle, const Contr
   if (!time_limit) options.time_limit_s.reset();
 
   if (config.formulation == FormulationKind::kWrench) {
-    const auto actuate = [allocator = Allocator(vehicle)](const Eigen::Vector3d& wrench) {
-      return ActuatorInput{wrench, allocator.allocate(wrench).duty};
+    const auto actuate = [allocator = Allocator(vehicle), allocation = Allocation()](
+                             const Eigen::Vector3d& wrench, ActuatorInput& result) mutable {
+      allocator.allocate_into(wrench, allocation);
+      result.wrench = wrench;
+      result.duty = allocation.duty;
     };
     return std::make_unique<NmpcLaw<WrenchProblem>>(CommandLevel::kWrench, make_wrench(vehicle, config),
                                                     config, options, actuate, std::move(stopwatch));
   }
-  const auto actuate = [vehicle, pairs = thruster_pairs(vehicle)](const Eigen::Vector4d& u) {
-    return ActuatorInput{BodyWrench::Zero(), duties_from_pairs(vehicle, pairs, u)};
+  const auto actuate = [vehicle, pairs = thruster_pairs(vehicle)](const Eigen::Vector4d& u,
+                                                                  ActuatorInput& result) {
+    result.wrench.setZero();
+    duties_from_pairs(vehicle, pairs, u, result.duty);
   };
   return std::make_unique<NmpcLaw<DirectAllocation>>(CommandLevel::kThrusters,
                                                      make_direct_allocation(vehicle, config), config, options,

@@ -15,7 +15,6 @@ using namespace state13;
 constexpr double kStampTolerance = 1e-3;      // s; the grid's own (docs/conventions.md)
 constexpr double kFutureTolerance = 1.0;      // s; a stamp further ahead would block all that follow
 constexpr double kQuaternionTolerance = 0.1;  // of the norm; further off it is no attitude
-constexpr double kActiveTolerance = 1e-4;     // N, m, m/s, rad/s (NmpcStatus.active_constraints)
 
 bool is_attitude(const Quaternion4<double>& q) { return std::abs(q.norm() - 1.0) < kQuaternionTolerance; }
 
@@ -24,15 +23,14 @@ bool is_attitude(const Quaternion4<double>& q) { return std::abs(q.norm() - 1.0)
 // rate of a robot with attitude q_WB whose valves repeat `duty`.
 Eigen::Matrix<double, 6, 1> pulse_velocity(const Vehicle& vehicle, const AllocationMatrices& thrusters,
                                            const std::vector<double>& duty, const Quaternion4<double>& q_WB) {
-  Eigen::VectorXd impulse(thrusters.D.cols());
-  for (Eigen::Index i = 0; i < impulse.size(); ++i) {
-    const double share = duty[static_cast<std::size_t>(i)];
-    impulse[i] = -0.5 * vehicle.pwm.period_s * share * (1.0 - share) *
-                 vehicle.thrusters[static_cast<std::size_t>(i)].force_n;
+  Vec3<double> impulse = Vec3<double>::Zero(), turn = Vec3<double>::Zero();
+  for (std::size_t i = 0; i < duty.size(); ++i) {
+    const double push = -0.5 * vehicle.pwm.period_s * duty[i] * (1.0 - duty[i]) * vehicle.thrusters[i].force_n;
+    impulse += push * thrusters.D.col(static_cast<Eigen::Index>(i));
+    turn += push * thrusters.L.col(static_cast<Eigen::Index>(i));
   }
   Eigen::Matrix<double, 6, 1> velocity;
-  velocity << rotate<double>(q_WB, thrusters.D * impulse) / vehicle.mass_kg,
-      (thrusters.L * impulse).cwiseQuotient(vehicle.inertia_kg_m2);
+  velocity << rotate<double>(q_WB, impulse) / vehicle.mass_kg, turn.cwiseQuotient(vehicle.inertia_kg_m2);
   return velocity;
 }
 
@@ -48,6 +46,9 @@ Controller::Controller(const Vehicle& vehicle, const ControllerConfig& config, b
       commands_(static_cast<int>(vehicle.thrusters.size())) {
   if (config.observer) observer_.emplace(vehicle, *config.observer);
   if (lockstep) config_.lead_s = 0.0;
+  decision_.command.duty.reserve(vehicle.thrusters.size());
+  decision_.path.reserve(static_cast<std::size_t>(law_->stages()) + 1);
+  input_.duty.reserve(vehicle.thrusters.size());
 }
 
 void Controller::add_goal(const Goal& goal) {
@@ -69,9 +70,13 @@ void Controller::add_goal(const Goal& goal) {
   goals_.insert(later, accepted);
 }
 
-const Goal* Controller::goal_at(double time_s) {
-  while (goals_.size() > 1 && goals_[1].stamp_s <= time_s + kStampTolerance) goals_.pop_front();
-  return !goals_.empty() && goals_.front().stamp_s <= time_s + kStampTolerance ? &goals_.front() : nullptr;
+const Goal* Controller::goal_at(double time_s) const {
+  const Goal* in_force = nullptr;
+  for (const Goal& goal : goals_) {
+    if (goal.stamp_s > time_s + kStampTolerance) break;
+    in_force = &goal;
+  }
+  return in_force;
 }
 
 bool Controller::accept(const OdometrySample& sample, double now_s) {
@@ -95,40 +100,61 @@ std::int64_t Controller::period_of(double stamp_s) const {
   return static_cast<std::int64_t>(std::floor((stamp_s + config_.lead_s + kStampTolerance) / period_s()));
 }
 
-std::optional<ControlDecision> Controller::on_odometry(const OdometrySample& sample, double now_s) {
+const ControlDecision* Controller::on_odometry(const OdometrySample& sample, double now_s) {
   const bool accepted = accept(sample, now_s);
   // Odometry that cannot be used still says that a frame was due: the period gets its decision all the same.
   if (!accepted && (!std::isfinite(sample.stamp_s) || sample.stamp_s > now_s + kFutureTolerance))
-    return std::nullopt;
+    return nullptr;
   silent_ = false;
   return step(sample.stamp_s);
 }
 
-std::optional<ControlDecision> Controller::on_missing_frame(double stamp_s) {
-  if (!std::isfinite(stamp_s)) return std::nullopt;
+const ControlDecision* Controller::on_missing_frame(double stamp_s) {
+  if (!std::isfinite(stamp_s)) return nullptr;
   silent_ = false;
   return step(stamp_s);
 }
 
-std::optional<ControlDecision> Controller::on_silence(double now_s) {
-  if (last_period_ && period_of(now_s) < *last_period_ + (silent_ ? 1 : 2)) return std::nullopt;
+const ControlDecision* Controller::on_silence(double now_s) {
+  if (last_period_ && period_of(now_s) < *last_period_ + (silent_ ? 1 : 2)) return nullptr;
   silent_ = true;
   return step(now_s);
 }
 
-std::optional<ControlDecision> Controller::step(double event_s) {
+const ControlDecision* Controller::step(double event_s) {
   const std::int64_t period = period_of(event_s);
-  if (last_period_ && period <= *last_period_) return std::nullopt;
+  if (last_period_ && period <= *last_period_) return nullptr;
   last_period_ = period;
 
-  ControlDecision decision;
-  decision.command.stamp_s = static_cast<double>(period) * period_s();
-  decision.command.period_s = period_s();
-  decision.command.duty.assign(vehicle_.thrusters.size(), 0.0);
-  decide(decision);
-  commands_.add(decision.command);
-  commands_.forget_before(decision.command.stamp_s - config_.limits.odometry_lost_s - 2.0 * period_s());
-  return decision;
+  decision_.command.stamp_s = static_cast<double>(period) * period_s();
+  decision_.command.period_s = period_s();
+  decision_.command.duty.assign(vehicle_.thrusters.size(), 0.0);
+  decision_.wrench.setZero();
+  decision_.mode = ControlMode::kWaiting;
+  decision_.odometry = OdometryState::kNone;
+  decision_.odometry_age_s = 0.0;
+  decision_.solve = {};
+  decision_.feedback = false;
+  decision_.active = {};
+  decision_.disturbance.reset();
+  decision_.path.clear();
+  while (goals_.size() > 1 && goals_[1].stamp_s <= decision_.command.stamp_s + kStampTolerance)
+    goals_.pop_front();
+  decide(decision_);
+  commands_.add(decision_.command);
+  commands_.forget_before(decision_.command.stamp_s - config_.limits.odometry_lost_s - 2.0 * period_s());
+  return &decision_;
+}
+
+void Controller::prepare() {
+  // A solver in trouble has the whole next period for itself.
+  if (config_.feedback == FeedbackKind::kFull || decision_.mode != ControlMode::kSolved) return;
+  const std::int64_t next = *last_period_ + 1;
+  const double start_s = static_cast<double>(next) * period_s();
+  prepared_ = law_->prepare(task_for(next, estimate(start_s), *goal_at(start_s)));
+  if (prepared_.status == SolverStatus::kNotRun) return;
+  count(prepared_);
+  if (is_success(prepared_.status)) plan_period_ = next;
 }
 
 void Controller::decide(ControlDecision& decision) {
@@ -158,7 +184,7 @@ void Controller::decide(ControlDecision& decision) {
   }
   if (goal == nullptr) return;
   solve(now, *goal, decision);
-  if (!is_success(decision.solve.status)) fall_back(now.x, decision);
+  if (decision.mode != ControlMode::kSolved) fall_back(now.x, decision);
 }
 
 ObserverState Controller::estimate(double start_s) const {
@@ -166,36 +192,49 @@ ObserverState Controller::estimate(double start_s) const {
   return {predict(vehicle_, thrusters_, commands_, odometry_->x, odometry_->stamp_s, start_s), {}};
 }
 
-void Controller::ask(const ActuatorInput& input, ControlDecision& decision) const {
-  decision.command.duty = input.duty;
-  decision.wrench = input.wrench;
+void Controller::ask(int k, ControlDecision& decision) {
+  law_->input(k, input_);
+  decision.command.duty = input_.duty;
+  decision.wrench = input_.wrench;
 }
 
-void Controller::solve(const ObserverState& now, const Goal& goal, ControlDecision& decision) {
-  ControlTask task{*last_period_, now.x, State13<double>::Zero(), now.d};
+ControlTask Controller::task_for(std::int64_t period, const ObserverState& now, const Goal& goal) {
+  ControlTask task{period, now.x, State13<double>::Zero(), now.d};
   task.reference.segment<3>(kPosition) = goal.p_WB;
   task.reference.segment<4>(kQuaternion) = goal.q_WB;
   if (observer_) {
     // The prediction holds forces over the period, for which a robot held at rest has no velocity.
-    const auto pulses =
-        pulse_velocity(vehicle_, thrusters_, law_->holding_input(goal.q_WB, now.d).duty, goal.q_WB);
+    law_->holding_input(goal.q_WB, now.d, input_);
+    const auto pulses = pulse_velocity(vehicle_, thrusters_, input_.duty, goal.q_WB);
     task.x0.segment<3>(kVelocity) -= pulses.head<3>();
     task.x0.segment<3>(kAngularVelocity) -= pulses.tail<3>();
   }
-  decision.solve = law_->solve(task);
+  return task;
+}
+
+void Controller::count(const SolveResult& result) {
   ++counters_.solves;
-  if (!is_success(decision.solve.status)) {
-    ++counters_.solver_failures;
-    return;
+  if (!is_success(result.status)) ++counters_.solver_failures;
+}
+
+void Controller::solve(const ObserverState& now, const Goal& goal, ControlDecision& decision) {
+  const ControlTask task = task_for(*last_period_, now, goal);
+  decision.feedback = law_->feedback(task);
+  if (decision.feedback) {
+    decision.solve = prepared_;
+    ++counters_.feedbacks;
+  } else {
+    decision.solve = law_->solve(task);
+    count(decision.solve);
+    if (!is_success(decision.solve.status)) return;
   }
   plan_period_ = *last_period_;
   have_plan_ = true;
   at_rest_ = false;
   braking_since_s_.reset();
   decision.mode = ControlMode::kSolved;
-  ask(law_->input(0), decision);
-  decision.active_constraints = law_->active_constraints(kActiveTolerance);
-  decision.path.reserve(static_cast<std::size_t>(law_->stages()) + 1);
+  ask(0, decision);
+  decision.active = law_->active_bounds();
   for (int k = 0; k <= law_->stages(); ++k) decision.path.push_back(law_->state(k));
 }
 
@@ -205,7 +244,7 @@ void Controller::fall_back(const State13<double>& x0, ControlDecision& decision)
   if (have_plan_ && stage < law_->stages() &&
       static_cast<double>(stage) * period_s() <= config_.limits.plan_reuse_s + kStampTolerance) {
     decision.mode = ControlMode::kPreviousPlan;
-    ask(law_->input(static_cast<int>(stage)), decision);
+    ask(static_cast<int>(stage), decision);
     return;
   }
   if (decision.odometry != OdometryState::kFresh) {  // no braking on a guessed velocity

@@ -22,16 +22,15 @@ DirectAllocation make_direct_allocation(const Vehicle& vehicle, const Controller
       Eigen::Vector4d::Constant(config.force_weight), lower, upper, config.objective_scale);
 }
 
-std::vector<double> duties_from_pairs(const Vehicle& vehicle, const std::vector<ThrusterPair>& pairs,
-                                      const Eigen::Vector4d& u) {
-  std::vector<double> duty(vehicle.thrusters.size(), 0.0);
+void duties_from_pairs(const Vehicle& vehicle, const std::vector<ThrusterPair>& pairs,
+                       const Eigen::Vector4d& u, std::vector<double>& duty) {
+  duty.assign(vehicle.thrusters.size(), 0.0);
   for (int j = 0; j < 4; ++j) {
     const auto& pair = pairs[static_cast<std::size_t>(j)];
     const auto thruster = static_cast<std::size_t>(u[j] > 0.0 ? pair.positive : pair.negative);
     const double share = std::min(1.0, std::abs(u[j]) / vehicle.thrusters[thruster].force_n);
     if (share * vehicle.pwm.period_s >= vehicle.pwm.min_on_time_s) duty[thruster] = share;
   }
-  return duty;
 }
 
 }  // namespace atmos

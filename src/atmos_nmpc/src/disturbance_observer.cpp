@@ -73,7 +73,7 @@ ObserverModel::ObserverModel(const Vehicle& vehicle, const ObserverConfig& confi
   }
 }
 
-ObserverState ObserverModel::next(const ObserverState& state, const Eigen::VectorXd& openings,
+ObserverState ObserverModel::next(const ObserverState& state, const Openings& openings,
                                   double dt) const {
   const Vec3<double> force_B = thrusters_.D * openings, torque_B = thrusters_.L * openings;
   ObserverState result = state;
@@ -88,7 +88,7 @@ ObserverState ObserverModel::next(const ObserverState& state, const Eigen::Vecto
   return result;
 }
 
-ObserverMatrix ObserverModel::jacobian(const ObserverState& state, const Eigen::VectorXd& openings,
+ObserverMatrix ObserverModel::jacobian(const ObserverState& state, const Openings& openings,
                                        double dt) const {
   // Rates of the error state, taken in the middle of the step.
   const ObserverState middle = next(state, openings, 0.5 * dt);
@@ -110,7 +110,7 @@ ObserverMatrix ObserverModel::jacobian(const ObserverState& state, const Eigen::
   return one + Adt * (one + Adt / 2.0 * (one + Adt / 3.0));
 }
 
-ObserverMatrix ObserverModel::noise(const ObserverState& state, const Eigen::VectorXd& openings,
+ObserverMatrix ObserverModel::noise(const ObserverState& state, const Openings& openings,
                                     double dt) const {
   const double period = vehicle_.pwm.period_s;
   const auto square = [](double sigma) { return sigma * sigma; };
@@ -142,7 +142,7 @@ DisturbanceObserver::DisturbanceObserver(const Vehicle& vehicle, const ObserverC
 template <class Visit>
 void DisturbanceObserver::for_each_stretch(double from_s, double until_s, const ValveSchedule& valves,
                                            const Visit& visit) const {
-  Eigen::VectorXd openings(valves.valve_count());
+  Openings openings(valves.valve_count());
   for (double t = from_s; t < until_s;) {
     const double end = std::min(until_s, valves.next_edge(t));
     valves.openings(t, openings.data());
@@ -174,7 +174,7 @@ bool DisturbanceObserver::update(double stamp_s, const State13<double>& measured
     start(stamp_s, measured);
     return true;
   }
-  for_each_stretch(stamp_s_, stamp_s, valves, [this](const Eigen::VectorXd& openings, double dt) {
+  for_each_stretch(stamp_s_, stamp_s, valves, [this](const Openings& openings, double dt) {
     const ObserverMatrix F = model_.jacobian(estimate_, openings, dt);
     covariance_ = F * covariance_ * F.transpose() + model_.noise(estimate_, openings, dt);
     estimate_ = model_.next(estimate_, openings, dt);
@@ -215,7 +215,7 @@ bool DisturbanceObserver::update(double stamp_s, const State13<double>& measured
 
 ObserverState DisturbanceObserver::predicted(double until_s, const ValveSchedule& valves) const {
   ObserverState state = estimate_;
-  for_each_stretch(stamp_s_, until_s, valves, [&](const Eigen::VectorXd& openings, double dt) {
+  for_each_stretch(stamp_s_, until_s, valves, [&](const Openings& openings, double dt) {
     state = model_.next(state, openings, dt);
   });
   return state;

@@ -10,7 +10,7 @@ State13<double> predict(const Vehicle& vehicle, const AllocationMatrices& thrust
                         const ValveSchedule& valves, State13<double> x, double from_s, double until_s) {
   if (until_s <= from_s) return x;
   constexpr double kMaxStep = 0.02;
-  Eigen::VectorXd force(valves.valve_count());
+  Openings force(valves.valve_count());
   double t = from_s;
   while (t < until_s) {
     const double end = std::min(until_s, valves.next_edge(t));

@@ -138,13 +138,6 @@ std::optional<int> StageKkt::slot(int row, int column) const {
   return std::nullopt;
 }
 
-void StageKkt::set_initial_state_blocks(const Eigen::MatrixXd& A0, const Eigen::MatrixXd& S0) {
-  for (int c = 0; c < states_; ++c) {
-    for (int r = 0; r < states_; ++r) dynamics(0)[(inputs_ + c) * state_rows_ + r] = A0(r, c);
-    for (int r = 0; r < inputs_; ++r) block(0)[r * both_rows_ + inputs_ + c] = S0(r, c);
-  }
-}
-
 // With E, the dual block of the rows of `stage`, and F = (I + P E)^-1: keeps F and puts F P in place of the
 // cost to go P, which is what the rows let through of it. By way of the symmetric I + S P S, S^2 = E: in
 // Ipopt's restoration E spans many orders of magnitude, and P - P S (..)^-1 S P would cancel.
@@ -279,13 +272,6 @@ void StageKkt::solve(double* rhs) {
     }
   }
   std::copy_n(step_.data(), states_, rhs + (N - 1) * both_ + inputs_);
-}
-
-Eigen::MatrixXd StageKkt::gain() const {
-  const Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> L(eliminated_.data(), both_, inputs_,
-                                                                     Eigen::OuterStride<>(both_rows_));
-  return -L.topRows(inputs_).transpose().triangularView<Eigen::Upper>().solve(
-      L.bottomRows(states_).transpose());
 }
 
 }  // namespace atmos

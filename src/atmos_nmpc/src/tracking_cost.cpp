@@ -161,11 +161,11 @@ void TrackingCost::add_hessian(const State& x, int k, bool terminal, double fact
   }
 }
 
-int TrackingCost::active_bounds(const State& x, double tolerance) const {
+int TrackingCost::active_bounds(const State& x) const {
   int count = 0;
-  for (int block = 0; block < 3; ++block) {
+  for (int block = 0; block < bounded_blocks(bounds_); ++block) {
     for (int i = 0; i < 3; ++i)
-      count += std::abs(x[kBoundedBlocks[block] + i]) >= limits_of(bounds_, block)[i] - tolerance ? 1 : 0;
+      count += std::abs(x[kBoundedBlocks[block] + i]) >= limits_of(bounds_, block)[i] - bounds_.width ? 1 : 0;
   }
   return count;
 }

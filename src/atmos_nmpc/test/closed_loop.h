@@ -71,14 +71,19 @@ class Flight {
 
   // One period with odometry, or with a missing frame.
   FlightRow period(bool seen = true) {
-    const auto decision =
+    const ControlDecision* decision =
         seen ? controller_.on_odometry(measure(), now()) : controller_.on_missing_frame(now());
-    FlightRow row{now(), state_.body, decision.value()};
-    valves_.add(row.decision.command);
+    FlightRow row{now(), state_.body, *decision};
+    carry_out(row.decision);
+    return row;
+  }
+  // The rest of a period whose decision has been made.
+  void carry_out(const ControlDecision& decision) {
+    valves_.add(decision.command);
+    controller_.prepare();
     ++period_;
     advance(plant_, valves_, now(), state_);
     valves_.forget_before(now() - 1.0);
-    return row;
   }
 
  private:

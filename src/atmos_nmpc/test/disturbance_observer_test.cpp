@@ -37,7 +37,7 @@ class Observer : public ::testing::Test {
     return state;
   }
   // Truth that moves by the filter's own model, noise included.
-  ObserverState drawn(const ObserverState& state, const Eigen::VectorXd& openings, double dt,
+  ObserverState drawn(const ObserverState& state, const Openings& openings, double dt,
                       std::mt19937& random) const {
     const ObserverMatrix Q = model_.noise(state, openings, dt);
     const Eigen::LDLT<ObserverMatrix> factor(Q);
@@ -71,7 +71,7 @@ TEST_F(Observer, JacobianAgainstCentralDifferences) {
   Vehicle vehicle = vehicle_;
   vehicle.inertia_kg_m2 = {0.2, 0.25, 0.3};  // so that Euler's coupling shows
   const ObserverModel model(vehicle, config_);
-  Eigen::VectorXd openings = Eigen::VectorXd::Zero(8);
+  Openings openings = Openings::Zero(8);
   openings[0] = openings[4] = 1.0;
   for (const auto& [name, q] : testing::attitudes(4)) {
     const ObserverState state{testing::moving_state(q, 5), {{0.1, -0.2, 0.3}, {-0.4, 0.5, 0.6}}};
@@ -92,7 +92,7 @@ TEST_F(Observer, ConsistentWithTruthOfItsOwnModel) {
   std::mt19937 random(11);
   ValveSchedule closed(8);
   closed.add({kStart, 1000.0, std::vector<double>(8, 0.0)});
-  const Eigen::VectorXd openings = Eigen::VectorXd::Zero(8);
+  const Openings openings = Openings::Zero(8);
   double nees = 0.0, disturbance_nees = 0.0, nis = 0.0;
   int outside_3_sigma = 0;
   for (int run = 0; run < kRuns; ++run) {
@@ -145,7 +145,7 @@ TEST_F(Observer, CautiousWithThrustersFiring) {
     for (int k = 0; k < kPeriods; ++k) {
       const double t = kStart + kPeriod * k;
       ThrusterCommand command{t, kPeriod, std::vector<double>(8, 0.0)};
-      Eigen::VectorXd factor = Eigen::VectorXd::Ones(8);
+      Openings factor = Openings::Ones(8);
       for (int i = 0; i < 8; ++i) {
         if (uniform(random) < 0.5) command.duty[static_cast<std::size_t>(i)] = uniform(random);
         factor[i] += 0.8 * config_.thrust_error * normal(random);
@@ -153,7 +153,7 @@ TEST_F(Observer, CautiousWithThrustersFiring) {
       valves.add(command);
       for (double at = t; at < t + kPeriod - 1e-9;) {
         const double end = std::min({t + kPeriod, valves.next_edge(at), at + 0.02});
-        Eigen::VectorXd openings(8);
+        Openings openings(8);
         valves.openings(at, openings.data());
         truth = model_.next(truth, openings.cwiseProduct(factor), end - at);
         at = end;
@@ -174,7 +174,7 @@ TEST_F(Observer, FollowsAStepOfForceWithinFiveSeconds) {
   DisturbanceObserver observer(vehicle_, config_);
   ObserverState truth = at_rest();
   observer.update(kStart, truth.x, closed);
-  const Eigen::VectorXd openings = Eigen::VectorXd::Zero(8);
+  const Openings openings = Openings::Zero(8);
   const double step = 0.3 / vehicle_.mass_kg;
   double mean = 0.0;  // of the fourth and fifth second after the step
   for (int k = 1; k <= 150; ++k) {
@@ -210,7 +210,7 @@ TEST_F(Observer, DisturbanceStaysWithinWhatThrustersCouldCancel) {
   DisturbanceObserver observer(vehicle_, config_);
   ObserverState truth = at_rest();
   truth.d.acceleration_W.x() = 1.0;  // five times the thrusters'
-  const Eigen::VectorXd openings = Eigen::VectorXd::Zero(8);
+  const Openings openings = Openings::Zero(8);
   for (int k = 0; k < 30; ++k) {
     observer.update(kStart + kPeriod * k, truth.x, closed);
     EXPECT_LT(observer.estimate().d.acceleration_W.x(), 0.3);

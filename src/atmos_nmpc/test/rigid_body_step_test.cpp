@@ -93,5 +93,19 @@ TEST_F(RigidBodyStepTest, HessianAgainstCentralDifferencesOfTheJacobian) {
   }
 }
 
+TEST_F(RigidBodyStepTest, DisturbanceJacobianAgainstCentralDifferences) {
+  for (const auto& [name, q] : attitudes(11)) {
+    const State13<double> x = moving_state(q, 12);
+    const Eigen::MatrixXd expected = numeric_jacobian(
+        [&](const Eigen::VectorXd& d) {
+          step_.set_disturbance({d.head<3>(), d.tail<3>()});
+          return Eigen::VectorXd(step_.next(x, u_));
+        },
+        Eigen::VectorXd::LinSpaced(6, -0.3, 0.4));
+    step_.set_disturbance({Eigen::Vector3d::LinSpaced(-0.3, -0.02), Eigen::Vector3d::LinSpaced(0.12, 0.4)});
+    EXPECT_LT((step_.disturbance_jacobian(x, u_) - expected).cwiseAbs().maxCoeff(), 1e-9) << name;
+  }
+}
+
 }  // namespace
 }  // namespace atmos

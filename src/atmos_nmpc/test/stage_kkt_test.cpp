@@ -184,22 +184,5 @@ TEST(StageKkt, RefusesRowsOfAnotherForm) {
   EXPECT_FALSE(kkt.factorise());
 }
 
-// With x0 as the first unknown block of a dense system whose x0 is given.
-TEST(StageKkt, GainIsTheSensitivityToTheInitialState) {
-  const StageLayout layout{5, 13, 4};
-  const Problem problem = random_problem(layout, 12.0, false, 77);
-  Random random(78);
-  const Matrix A0 = 0.5 * random.matrix(13, 13), S0 = random.matrix(4, 13);
-  StageKkt kkt(layout);
-  fill(kkt, problem);
-  kkt.set_initial_state_blocks(A0, S0);
-  ASSERT_TRUE(kkt.factorise());
-  Matrix rhs = Matrix::Zero(kkt.size(), 13);
-  rhs.topRows(4) = -S0;
-  rhs.middleRows(layout.variables(), 13) = -A0;
-  const Matrix expected = Eigen::PartialPivLU<Matrix>(problem.dense).solve(rhs).topRows(4);
-  EXPECT_LT((kkt.gain() - expected).norm(), 1e-9 * (1.0 + expected.norm()));
-}
-
 }  // namespace
 }  // namespace atmos

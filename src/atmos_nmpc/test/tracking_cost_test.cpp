@@ -104,7 +104,7 @@ TEST(TrackingCost, SoftBoundsCostNothingInsideAndTheirPenaltyOutside) {
   EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 0.0, 0.1);
   x[kVelocity] = -0.7;
   EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 100 * 0.2 + 1000 * 0.04, 0.2);
-  EXPECT_EQ(with.active_bounds(x, 1e-4), 1);
+  EXPECT_EQ(with.active_bounds(x), 1);
 }
 
 }  // namespace

@@ -21,7 +21,12 @@ class AdvancedStep {
   explicit AdvancedStep(const Problem& problem)
       : kkt_(*problem.stage_layout()),
         jacobian_(problem.jacobian_sparsity().size()),
-        hessian_(problem.hessian_sparsity().size()) {
+        hessian_(problem.hessian_sparsity().size()),
+        adjoint_(kkt_.size()),
+        by_disturbance_(Problem::kInputs, 6 * problem.stages()),
+        by_input_reference_(Problem::kInputs, Problem::kInputs * problem.stages()),
+        disturbance_(6 * problem.stages()),
+        input_reference_(Problem::kInputs * problem.stages()) {
     const int variables = problem.variable_count();
     const auto slots = [this](const Sparsity& sparsity, int first_row) {
       std::vector<int> list;
@@ -53,37 +58,65 @@ class AdvancedStep {
       entries[diagonal_slots_[static_cast<std::size_t>(i)]] +=
           solution.bound_lower[i] / above + solution.bound_upper[i] / below;
     }
-    Eigen::MatrixXd A0, S0;
-    problem.initial_state_blocks(solution, A0, S0);
-    kkt_.set_initial_state_blocks(A0, S0);
     ready_ = kkt_.factorise();
     if (!ready_) return false;
-    gain_ = kkt_.gain();
+    // The system is symmetric: its solution for a unit right-hand side weighs every parameter's effect on u0.
+    for (int i = 0; i < Problem::kInputs; ++i) {
+      adjoint_.setZero();
+      adjoint_[i] = 1.0;
+      kkt_.solve(adjoint_.data());
+      const auto slopes = problem.parameter_slopes(solution, adjoint_);
+      by_state_.row(i) = -slopes.initial_state;
+      by_disturbance_.row(i) = -slopes.disturbance;
+      by_input_reference_.row(i) = -slopes.input_reference;
+    }
     x0_ = problem.initial_state();
+    for (int k = 0; k < problem.stages(); ++k) {
+      disturbance_.template segment<6>(6 * k) = disturbance_of(problem, k);
+      input_reference_.template segment<Problem::kInputs>(Problem::kInputs * k) = problem.input_reference(k);
+    }
     u0_ = problem.input(solution.z, 0);
-    lower_ = problem.lower_bounds().template head<Problem::kInputs>();
-    upper_ = problem.upper_bounds().template head<Problem::kInputs>();
     return true;
   }
 
   bool ready() const { return ready_; }
   void forget() { ready_ = false; }
 
-  // First input for the measured x0, within its bounds. Allocates nothing. Only when ready().
-  Input feedback(State x0) const {
+  // Only when ready(): the first input of the solution, and what the measured x0 and the parameters that
+  // `problem` has by now add to it, bounds apart. Allocates nothing.
+  const Input& input() const { return u0_; }
+  Input correction(State x0, const Problem& problem) const {
     auto q = x0.template segment<4>(state13::kQuaternion);
     if (q.dot(x0_.template segment<4>(state13::kQuaternion)) < 0.0) q = -q;
-    return (u0_ + gain_ * (x0 - x0_)).cwiseMax(lower_).cwiseMin(upper_);
+    Input change = by_state_ * (x0 - x0_);
+    for (int k = 0; k < problem.stages(); ++k) {
+      constexpr int m = Problem::kInputs;
+      change += by_disturbance_.template middleCols<6>(6 * k) *
+                    (disturbance_of(problem, k) - disturbance_.template segment<6>(6 * k)) +
+                by_input_reference_.template middleCols<m>(m * k) *
+                    (problem.input_reference(k) - input_reference_.template segment<m>(m * k));
+    }
+    return change;
   }
 
  private:
+  static Eigen::Matrix<double, 6, 1> disturbance_of(const Problem& problem, int k) {
+    const Disturbance& disturbance = problem.dynamics(k).disturbance();
+    Eigen::Matrix<double, 6, 1> d;
+    d << disturbance.acceleration_W, disturbance.angular_acceleration_B;
+    return d;
+  }
+
   StageKkt kkt_;
   Eigen::VectorXd jacobian_, hessian_;
   std::vector<int> jacobian_slots_, hessian_slots_, diagonal_slots_;
   bool ready_ = false;
-  Eigen::Matrix<double, Problem::kInputs, Problem::kStates> gain_;
+  Eigen::VectorXd adjoint_;
+  Eigen::Matrix<double, Problem::kInputs, Problem::kStates> by_state_;
+  Eigen::Matrix<double, Problem::kInputs, Eigen::Dynamic> by_disturbance_, by_input_reference_;  // by stages
   State x0_;
-  Input u0_, lower_, upper_;
+  Eigen::VectorXd disturbance_, input_reference_;  // stage by stage
+  Input u0_;
 };
 
 }  // namespace atmos

@@ -24,6 +24,9 @@ struct LossLimits {
 // What the controller decides: the paper's ctl:da, ctl:wrench, ctl:rate.
 enum class FormulationKind { kDirectAllocation, kWrench, kRate };
 
+// What a measurement meets: a solution prepared for it, corrected to first order (advanced_step.h), or a solve.
+enum class FeedbackKind { kAdvancedStep, kFull };
+
 // Noise of the disturbance observer (docs/offset_free.md), standard deviations per axis.
 struct ObserverConfig {
   double position_noise_m;  // of odometry's pose, > 0
@@ -57,6 +60,7 @@ struct ControllerConfig {
   SoftBounds bounds;
   double objective_scale;
   SolverOptions solver;
+  FeedbackKind feedback;
   double lead_s;  // odometry of this long before a period triggers its solve; 0 in lockstep
   LossLimits limits;
   std::optional<ObserverConfig> observer;  // offset-free: with the estimated disturbance in the model

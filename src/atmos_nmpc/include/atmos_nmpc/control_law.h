@@ -18,7 +18,7 @@ namespace atmos {
 // What the flight controller is asked for (docs/architecture.md, "Command levels").
 enum class CommandLevel { kThrusters, kWrench };
 
-// What is asked of the actuators for one period.
+// What is asked of the actuators for one period. Filling one whose duty has its size already allocates nothing.
 struct ActuatorInput {
   BodyWrench wrench = BodyWrench::Zero();  // kWrench: as sent; otherwise zero
   std::vector<double>
@@ -40,18 +40,25 @@ class ControlLaw {
   virtual CommandLevel level() const = 0;
   // On success the plan below is this task's; on failure it stays that of the last success.
   virtual SolveResult solve(const ControlTask& task) = 0;
+  // The same ahead of time, for a period whose state is still a prediction, and whatever feedback() needs.
+  // Not every law has a use for it.
+  virtual SolveResult prepare(const ControlTask&) { return {}; }
+  // At once and without allocation: corrects the first input of what was prepared for this very period, now
+  // that its state is known. False, and nothing is changed, when that does not serve: another reference,
+  // nothing prepared, or so far from what was predicted that the task must be solved.
+  virtual bool feedback(const ControlTask&) { return false; }
   // The next solve starts from nothing known.
   virtual void forget() = 0;
 
   // The plan: input k acts over period `period of its task` + k, k in [0, stages).
   virtual int stages() const = 0;
-  virtual ActuatorInput input(int k) const = 0;
+  virtual void input(int k, ActuatorInput& result) const = 0;
   // Predicted state at the start of stage k, k in [0, stages].
   virtual State13<double> state(int k) const = 0;
-  // Bounds within `tolerance` of their limit along the plan.
-  virtual int active_constraints(double tolerance) const = 0;
+  virtual ActiveBounds active_bounds() const = 0;  // along the plan
   // What holds a body at rest with attitude q_WB against a disturbance, within the inputs' bounds.
-  virtual ActuatorInput holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance) = 0;
+  virtual void holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance,
+                             ActuatorInput& result) = 0;
 };
 
 // The law that the configuration names. `time_limit`: whether the configured one holds. Throws

@@ -36,6 +36,7 @@ struct Goal {
 struct ControllerCounters {
   std::uint64_t solves = 0;
   std::uint64_t solver_failures = 0;
+  std::uint64_t feedbacks = 0;  // commands from a prepared solution
   std::uint64_t rejected_not_finite = 0;  // odometry, also of a quaternion that is none
   std::uint64_t rejected_order = 0;
   std::uint64_t rejected_frame = 0;
@@ -56,11 +57,11 @@ struct ControlDecision {
   ControlMode mode = ControlMode::kWaiting;
   OdometryState odometry = OdometryState::kNone;
   double odometry_age_s = 0.0;
-  SolveResult solve;
-  int active_constraints = 0;
+  SolveResult solve;      // what the command rests on; with feedback done before the measurement came
+  bool feedback = false;  // kSolved, by a first-order update of a prepared solution
+  ActiveBounds active;
   std::optional<DisturbanceEstimate> disturbance;  // with an observer that has started
-  std::vector<State13<double>>
-      path;  // predicted states at the ends of the stages; empty unless solved in this period
+  std::vector<State13<double>> path;  // predicted states at the ends of the stages; empty unless kSolved
 };
 
 class Controller {
@@ -73,14 +74,20 @@ class Controller {
   void add_goal(const Goal& goal);
   bool has_goal() const { return !goals_.empty(); }
 
-  // Each returns a decision when it is the first of a new period, in which case the command is to be sent.
+  // Each returns a decision when it is the first of a new period, in which case the command is to be sent and
+  // then prepare() called; null otherwise. The decision lives until the next call. Where a prepared solution
+  // serves, nothing is allocated on the way to it.
   // `now_s`: odometry stamped more than 1 s after it is out of order.
-  std::optional<ControlDecision> on_odometry(const OdometrySample& sample, double now_s);
+  const ControlDecision* on_odometry(const OdometrySample& sample, double now_s);
   // A frame stamped `stamp_s` in which the robot was not seen.
-  std::optional<ControlDecision> on_missing_frame(double stamp_s);
+  const ControlDecision* on_missing_frame(double stamp_s);
   // Watchdog, to be called several times a period: acts when a whole period has passed in which nothing came,
   // and then in each period until something comes.
-  std::optional<ControlDecision> on_silence(double now_s);
+  const ControlDecision* on_silence(double now_s);
+
+  // After the command has been sent: solves for the state predicted at the next period, so that its
+  // measurement is answered at once (config: feedback).
+  void prepare();
 
   const ControllerCounters& counters() const { return counters_; }
   double period_s() const { return vehicle_.pwm.period_s; }
@@ -90,14 +97,17 @@ class Controller {
   bool accept(const OdometrySample& sample, double now_s);
   // Number of the period whose solve an event at this time belongs to.
   std::int64_t period_of(double stamp_s) const;
-  std::optional<ControlDecision> step(double event_s);
+  const ControlDecision* step(double event_s);
   void decide(ControlDecision& decision);
   // State and disturbance at the start of the period.
   ObserverState estimate(double start_s) const;
+  ControlTask task_for(std::int64_t period, const ObserverState& now, const Goal& goal);
   void solve(const ObserverState& now, const Goal& goal, ControlDecision& decision);
+  void count(const SolveResult& result);
   void fall_back(const State13<double>& x0, ControlDecision& decision);
-  void ask(const ActuatorInput& input, ControlDecision& decision) const;
-  const Goal* goal_at(double time_s);
+  // Input k of the law's plan.
+  void ask(int k, ControlDecision& decision);
+  const Goal* goal_at(double time_s) const;
 
   Vehicle vehicle_;
   ControllerConfig config_;
@@ -112,6 +122,9 @@ class Controller {
   std::optional<std::int64_t> last_period_;
   bool silent_ = false;  // the last decision was the watchdog's
 
+  ControlDecision decision_;
+  ActuatorInput input_;   // scratch
+  SolveResult prepared_;  // of the newest prepare()
   bool have_plan_ = false;  // the law's plan may be followed when the solver fails
   std::int64_t plan_period_ = 0;
   std::optional<double> braking_since_s_;

@@ -10,6 +10,7 @@
 #include "atmos_model/valve_schedule.h"
 #include "atmos_model/vehicle.h"
 #include "atmos_nmpc/config.h"
+#include "atmos_nmpc/prediction.h"
 #include "atmos_nmpc/rigid_body_step.h"
 
 namespace atmos {
@@ -46,11 +47,11 @@ class ObserverModel {
   ObserverModel(const Vehicle& vehicle, const ObserverConfig& config);
 
   // The state after dt [s] under constant openings (one per thruster, [0, 1]).
-  ObserverState next(const ObserverState& state, const Eigen::VectorXd& openings, double dt) const;
+  ObserverState next(const ObserverState& state, const Openings& openings, double dt) const;
   // Jacobian of next() with respect to the error state, to third order in dt.
-  ObserverMatrix jacobian(const ObserverState& state, const Eigen::VectorXd& openings, double dt) const;
+  ObserverMatrix jacobian(const ObserverState& state, const Openings& openings, double dt) const;
   // Covariance of what next() does not know.
-  ObserverMatrix noise(const ObserverState& state, const Eigen::VectorXd& openings, double dt) const;
+  ObserverMatrix noise(const ObserverState& state, const Openings& openings, double dt) const;
 
  private:
   Vehicle vehicle_;

@@ -71,9 +71,10 @@ class MultipleShooting : public NonlinearProgram {
     for (int k = 0; k < N_; ++k) set_input_reference(k, input);
   }
   void set_input_reference(int k, const Input& input) {
-    input_reference_[static_cast<std::size_t>(k)] =
-        input.cwiseMax(lower_.template head<kInputs>()).cwiseMin(upper_.template head<kInputs>());
+    input_reference_[static_cast<std::size_t>(k)] = input.cwiseMax(input_lower()).cwiseMin(input_upper());
   }
+  Input input_lower() const { return lower_.template head<kInputs>(); }
+  Input input_upper() const { return upper_.template head<kInputs>(); }
 
   const Input& input_reference(int k = 0) const { return input_reference_[static_cast<std::size_t>(k)]; }
   const Input& input_weight() const { return input_weight_; }
@@ -82,6 +83,10 @@ class MultipleShooting : public NonlinearProgram {
   const State& initial_state() const { return initial_state_; }
 
   Input input(const Eigen::VectorXd& z, int k) const { return z.segment<kInputs>(input_at(k)); }
+  // Clipped to the bounds.
+  void set_input(Eigen::VectorXd& z, int k, const Input& input) const {
+    z.segment<kInputs>(input_at(k)) = input.cwiseMax(input_lower()).cwiseMin(input_upper());
+  }
   // k in [0, N]; k = 0 is the initial state.
   State state(const Eigen::VectorXd& z, int k) const {
     return k == 0 ? initial_state_ : State(z.segment<kStates>(state_at(k)));
@@ -119,12 +124,19 @@ class MultipleShooting : public NonlinearProgram {
     return next;
   }
 
-  // Input and state bounds within `tolerance` of their limit along the horizon.
-  int active_constraints(const Eigen::VectorXd& z, double tolerance) const {
-    int count = static_cast<int>(((z - lower_).array() < tolerance).count() +
-                                 ((upper_ - z).array() < tolerance).count());
-    for (int k = 1; k <= N_; ++k) count += cost_.active_bounds(padded(state(z, k)), tolerance);
-    return count;
+  // Bounds that shape the plan z. The barrier keeps an input off the bound that holds it, by more the less
+  // the bound matters; this share of the range is below what valves resolve. Allocates nothing.
+  ActiveBounds active_bounds(const Eigen::VectorXd& z) const {
+    constexpr double kShare = 0.003;
+    ActiveBounds active;
+    const Input near = kShare * (input_upper() - input_lower());
+    for (int k = 0; k < N_; ++k) {
+      const Input u = input(z, k);
+      active.inputs += static_cast<int>(((u - input_lower()).array() < near.array()).count() +
+                                        ((input_upper() - u).array() < near.array()).count());
+      active.states += cost_.active_bounds(padded(state(z, k + 1)));
+    }
+    return active;
   }
 
   int variable_count() const override { return N_ * kBlock; }
@@ -187,19 +199,38 @@ class MultipleShooting : public NonlinearProgram {
     }
   }
 
-  // d F(x0, u0) / d x0, and the Lagrangian's d2 / du0 dx0: what the KKT system lacks for the sensitivity to
-  // x0.
-  void initial_state_blocks(const Iterate& at, Eigen::MatrixXd& A0, Eigen::MatrixXd& S0) const {
+  // What the parameters of the problem do to its KKT conditions at a point, weighed with y = [y_z; y_c] of the
+  // variables' and the constraints' sizes: y' d(KKT)/d parameter. The disturbance's second derivatives, of
+  // second order in the step, are left out.
+  struct ParameterSlopes {
+    Eigen::Matrix<double, 1, kStates> initial_state;
+    Eigen::RowVectorXd disturbance;      // stage by stage, (d_v, d_w) of each
+    Eigen::RowVectorXd input_reference;  // stage by stage
+  };
+  ParameterSlopes parameter_slopes(const Iterate& at, const Eigen::VectorXd& y) const {
+    ParameterSlopes slopes;
     typename Dynamics::Jacobian J;
-    dynamics().jacobian(initial_state_, input(at.z, 0), J);
-    A0 = Eigen::MatrixXd::Zero(kStates, kStates);
-    A0.template topLeftCorner<kAttitude, kAttitude>().setIdentity();
-    for (int i = 0; i < state13::kVelocity; ++i) A0(i, state13::kVelocity + i) = dynamics().step_s();
-    A0.template rightCols<kCoupled>() = J.template leftCols<kCoupled>();
     typename Dynamics::Hessian S;
+    dynamics().jacobian(initial_state_, input(at.z, 0), J);
     dynamics().hessian(initial_state_, input(at.z, 0), at.lambda.template head<kStates>(), S);
-    S0 = Eigen::MatrixXd::Zero(kInputs, kStates);
-    S0.template rightCols<kCoupled>() = S.template bottomLeftCorner<kInputs, kCoupled>();
+    const auto y_c0 = y.template segment<kStates>(variable_count());
+    slopes.initial_state.setZero();
+    slopes.initial_state.template head<kAttitude>() = y_c0.template head<kAttitude>().transpose();
+    slopes.initial_state.template segment<3>(state13::kVelocity) +=
+        dynamics().step_s() * y_c0.template segment<3>(state13::kPosition).transpose();
+    slopes.initial_state.template tail<kCoupled>() =
+        y_c0.transpose() * J.template leftCols<kCoupled>() +
+        y.template head<kInputs>().transpose() * S.template bottomLeftCorner<kInputs, kCoupled>();
+    slopes.disturbance.resize(Eigen::NoChange, 6 * N_);
+    slopes.input_reference.resize(Eigen::NoChange, kInputs * N_);
+    for (int k = 0; k < N_; ++k) {
+      slopes.disturbance.template segment<6>(6 * k) =
+          y.template segment<kStates>(variable_count() + k * kStates).transpose() *
+          dynamics(k).disturbance_jacobian(state(at.z, k), input(at.z, k));
+      slopes.input_reference.template segment<kInputs>(kInputs * k) =
+          -2.0 * scale_ * input_weight_.cwiseProduct(y.template segment<kInputs>(input_at(k))).transpose();
+    }
+    return slopes;
   }
 
  private:

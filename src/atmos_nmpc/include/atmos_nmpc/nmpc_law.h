@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "atmos_nmpc/advanced_step.h"
 #include "atmos_nmpc/control_law.h"
 #include "atmos_nmpc/multiple_shooting.h"
 #include "atmos_nmpc/terminal_weight.h"
@@ -16,7 +17,7 @@ template <class Problem>
 class NmpcLaw : public ControlLaw {
  public:
   using Input = typename Problem::Input;
-  using Actuate = std::function<ActuatorInput(const Input&)>;
+  using Actuate = std::function<void(const Input&, ActuatorInput&)>;
 
   // `actuate`: what is asked of the actuators for an input of the problem.
   NmpcLaw(CommandLevel level, Problem problem, const ControllerConfig& config, const SolverOptions& options,
@@ -26,11 +27,13 @@ class NmpcLaw : public ControlLaw {
         with_terminal_(config.attitude_error == AttitudeError::kVector),
         problem_(std::move(problem)),
         actuate_(std::move(actuate)),
-        solver_(problem_, options, std::move(stopwatch)) {}
+        solver_(problem_, options, std::move(stopwatch)),
+        advanced_step_(problem_) {}
 
   CommandLevel level() const override { return level_; }
 
   SolveResult solve(const ControlTask& task) override {
+    advanced_step_.forget();
     State13<double> x0 = task.x0;
     if (warm_) {
       // q and -q are the same attitude: stay on the side of the previous solution, which is the starting
@@ -55,22 +58,52 @@ class NmpcLaw : public ControlLaw {
     return result;
   }
 
-  void forget() override { warm_ = false; }
+  SolveResult prepare(const ControlTask& task) override {
+    const SolveResult result = solve(task);
+    if (warm_ && advanced_step_.prepare(problem_, iterate_)) prepared_ = task;
+    return result;
+  }
+
+  bool feedback(const ControlTask& task) override {
+    if (!advanced_step_.ready() || task.period != prepared_.period || task.reference != prepared_.reference)
+      return false;
+    set_input_reference(task);
+    const Input change = advanced_step_.correction(task.x0, problem_);
+    const Input limit = kLargestCorrection * (problem_.input_upper() - problem_.input_lower());
+    if (!(change.array().abs() <= limit.array()).all()) return false;
+    problem_.set_input(plan_, 0, advanced_step_.input() + change);
+    plan_start_ = task.x0;
+    advanced_step_.forget();
+    return true;
+  }
+
+  void forget() override {
+    warm_ = false;
+    advanced_step_.forget();
+  }
 
   int stages() const override { return problem_.stages(); }
-  ActuatorInput input(int k) const override { return actuate_(problem_.input(plan_, k)); }
+  void input(int k, ActuatorInput& result) const override { actuate_(problem_.input(plan_, k), result); }
   State13<double> state(int k) const override { return k == 0 ? plan_start_ : problem_.state(plan_, k); }
-  int active_constraints(double tolerance) const override {
-    return problem_.active_constraints(plan_, tolerance);
-  }
-  ActuatorInput holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance) override {
-    problem_.set_disturbance(disturbance);
-    problem_.set_input_reference(problem_.dynamics().holding_input(q_WB));
-    return actuate_(problem_.input_reference());
+  ActiveBounds active_bounds() const override { return problem_.active_bounds(plan_); }
+  void holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance,
+                     ActuatorInput& result) override {
+    set_input_reference(q_WB, disturbance);
+    actuate_(problem_.input_reference(), result);
   }
 
  private:
   static constexpr double kColdStartMu = 1e-4;  // barrier parameter of a cold start, as mu_init
+  // Share of an input's range: a correction beyond it is none of first order any more.
+  static constexpr double kLargestCorrection = 0.1;
+
+  void set_input_reference(const Quaternion4<double>& q_WB, const Disturbance& disturbance) {
+    problem_.set_disturbance(disturbance);
+    problem_.set_input_reference(problem_.dynamics().holding_input(q_WB));
+  }
+  void set_input_reference(const ControlTask& task) {
+    set_input_reference(task.reference.template segment<4>(state13::kQuaternion), task.disturbance);
+  }
 
   void set_reference(const ControlTask& task, const State13<double>& x0) {
     const Quaternion4<double> q = task.reference.template segment<4>(state13::kQuaternion);
@@ -81,8 +114,7 @@ class NmpcLaw : public ControlLaw {
       terminal_ = planar_terminal_weight(problem_.dynamics(), weights_, problem_.input_weight(), yaw);
       terminal_yaw_ = yaw;
     }
-    problem_.set_disturbance(task.disturbance);
-    problem_.set_input_reference(problem_.dynamics().holding_input(q));
+    set_input_reference(task);
     problem_.cost().set_reference(task.reference, x0.template segment<4>(state13::kQuaternion), terminal_);
   }
 
@@ -92,6 +124,8 @@ class NmpcLaw : public ControlLaw {
   Problem problem_;
   Actuate actuate_;
   OptimalControlSolver solver_;  // refers to problem_
+  AdvancedStep<Problem> advanced_step_;
+  ControlTask prepared_{};  // what advanced_step_ is ready for
 
   TrackingCost::PlanarWeight terminal_ =
       TrackingCost::PlanarWeight::Zero();  // of a reference at terminal_yaw_

@@ -28,6 +28,12 @@ struct Iterate {
   Eigen::VectorXd lambda;
 };
 
+// How many bounds shape a plan: inputs at their limit, and states that their soft bounds hold back.
+struct ActiveBounds {
+  int inputs = 0;
+  int states = 0;
+};
+
 // Shape of an optimal control problem in stage order: z = [u0 x1 u1 ... u(N-1) xN], constraint rows k:
 // F(x_k, u_k) - x_(k+1), Hessian blocks within one (x_k, u_k).
 struct StageLayout {

@@ -8,6 +8,9 @@
 
 namespace atmos {
 
+// One opening or force per thruster, without allocation.
+using Openings = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxThrusters, 1>;
+
 // Motion of the rigid body from ROS time from_s to until_s under the valves' openings, exact at valve edges.
 // `thrusters`: thruster_matrices(vehicle). Returns x unchanged when until_s <= from_s.
 State13<double> predict(const Vehicle& vehicle, const AllocationMatrices& thrusters,

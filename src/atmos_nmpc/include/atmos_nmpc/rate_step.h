@@ -33,6 +33,8 @@ class RateStep {
     body_.set_disturbance({disturbance.acceleration_W, Vec3<double>::Zero()});
   }
 
+  const Disturbance& disturbance() const { return body_.disturbance(); }
+
   // The inputs under which a body with attitude q accelerates with a_W [m/s^2] and turns with w_B [rad/s].
   Input moving_input(const Quaternion4<double>& q, const Motion& motion) const {
     Input input;
@@ -48,6 +50,13 @@ class RateStep {
     RigidBodyStep<2>::Jacobian of_body;
     body_.jacobian(with_rate(x, u), u.head<2>(), of_body);
     for (int c = 0; c < kFree; ++c) J.col(c) = of_body.col(kColumns[c]).template head<kStates>();
+  }
+
+  Eigen::Matrix<double, kStates, 6> disturbance_jacobian(const State& x, const Input& u) const {
+    Eigen::Matrix<double, kStates, 6> J =
+        body_.disturbance_jacobian(with_rate(x, u), u.head<2>()).template topRows<kStates>();
+    J.rightCols<3>().setZero();
+    return J;
   }
 
   void hessian(const State& x, const Input& u, const State& lambda, Hessian& H) const {

@@ -39,6 +39,7 @@ class RigidBodyStep {
   using Input = Eigen::Matrix<double, NU, 1>;
   using Jacobian = Eigen::Matrix<double, kStates, kFree>;
   using Hessian = Eigen::Matrix<double, kFree, kFree>;
+  using DisturbanceJacobian = Eigen::Matrix<double, kStates, 6>;
 
   // D, L: body force [N] and torque [N m] per unit of input; mass [kg], principal inertia [kg m^2], step [s].
   RigidBodyStep(const Eigen::Matrix<double, 3, NU>& D, const Eigen::Matrix<double, 3, NU>& L, double mass,
@@ -53,6 +54,7 @@ class RigidBodyStep {
 
   // Accelerations that act besides the inputs, constant over the step (paper, ctl:disturbance_wrench).
   void set_disturbance(const Disturbance& disturbance) { disturbance_ = disturbance; }
+  const Disturbance& disturbance() const { return disturbance_; }
 
   // The inputs under which a body with attitude q moves so against the disturbance, as nearly as they can and
   // of least norm.
@@ -95,6 +97,29 @@ class RigidBodyStep {
       J.template middleRows<7>(state13::kQuaternion) += slope_weight(i) * slope;
     }
     J.template block<7, 7>(state13::kQuaternion, 0).diagonal().array() += 1.0;
+  }
+
+  // d x+ / d (d_v, d_w), of the disturbance.
+  DisturbanceJacobian disturbance_jacobian(const State& x, const Input& u) const {
+    Stages stages;
+    forward(x, u, stages);
+    DisturbanceJacobian J = DisturbanceJacobian::Zero();
+    J.template block<3, 3>(state13::kPosition, 0).diagonal().setConstant(0.5 * h_ * h_);
+    J.template block<3, 3>(state13::kVelocity, 0).diagonal().setConstant(h_);
+    Eigen::Matrix<double, 7, 3> Y = Eigen::Matrix<double, 7, 3>::Zero(), slope;
+    for (int i = 0; i < 4; ++i) {
+      if (i > 0) Y = point_weight(i) * slope;
+      slope.template topRows<4>() = rate_jacobian_q(stages.w[i]) * Y.template topRows<4>() +
+                                    rate_jacobian_w(stages.q[i]) * Y.template bottomRows<3>();
+      slope.template bottomRows<3>() =
+          euler_jacobian(stages.w[i]) * Y.template bottomRows<3>() + Eigen::Matrix3d::Identity();
+      const Eigen::Matrix3d acceleration =
+          force_jacobian_q(stages.q[i], stages.f) * Y.template topRows<4>();
+      J.template block<3, 3>(state13::kPosition, 3) += position_weight(i) * acceleration;
+      J.template block<3, 3>(state13::kVelocity, 3) += slope_weight(i) * acceleration;
+      J.template block<7, 3>(state13::kQuaternion, 3) += slope_weight(i) * slope;
+    }
+    return J;
   }
 
   // Hessian of lambda' x+ with respect to (q, w, u); both triangles are filled.

@@ -31,19 +31,12 @@ class StageKkt {
   double* entries() { return entries_.data(); }
   void set_zero() { entries_.setZero(); }
 
-  // Sensitivity of the dynamics of stage 0, d F(x0, u0) / d x0, and of the Hessian, d2 L / du0 dx0, with
-  // respect to the x0 that is no unknown: for gain() only.
-  void set_initial_state_blocks(const Eigen::MatrixXd& A0, const Eigen::MatrixXd& S0);
-
   // False: the inertia is not (variables, constraints, 0), that is, some pivot block of the elimination is
   // not positive definite, or x_(k+1) does not stand with factor -1 in the rows of stage k. No solve then.
   bool factorise();
 
   // Overwrites the right-hand side [r_z; r_c] with the solution. Allocates nothing.
   void solve(double* rhs);
-
-  // d u0 / d x0 of the solution, inputs x states, after set_initial_state_blocks() and factorise().
-  Eigen::MatrixXd gain() const;
 
  private:
   double* block(int stage) { return entries_.data() + stage * stage_entries_; }

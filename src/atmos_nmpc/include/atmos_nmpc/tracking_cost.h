@@ -70,8 +70,8 @@ class TrackingCost {
   void add_gradient(const State& x, int k, bool terminal, double factor, State& gradient) const;
   void add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const;
 
-  // Number of bounds that x is within `tolerance` of, or beyond.
-  int active_bounds(const State& x, double tolerance) const;
+  // Number of soft bounds whose penalty acts at x: beyond, or within the hinge's width of, the limit.
+  int active_bounds(const State& x) const;
 
   const State& reference(int k = 0) const { return at(k).x; }
 
