@@ -25,7 +25,8 @@ Eigen::Matrix<double, 6, 1> pulse_velocity(const Vehicle& vehicle, const Allocat
                                            const std::vector<double>& duty, const Quaternion4<double>& q_WB) {
   Vec3<double> impulse = Vec3<double>::Zero(), turn = Vec3<double>::Zero();
   for (std::size_t i = 0; i < duty.size(); ++i) {
-    const double push = -0.5 * vehicle.pwm.period_s * duty[i] * (1.0 - duty[i]) * vehicle.thrusters[i].force_n;
+    const double push =
+        -0.5 * vehicle.pwm.period_s * duty[i] * (1.0 - duty[i]) * vehicle.thrusters[i].force_n;
     impulse += push * thrusters.D.col(static_cast<Eigen::Index>(i));
     turn += push * thrusters.L.col(static_cast<Eigen::Index>(i));
   }
@@ -151,6 +152,7 @@ void Controller::prepare() {
   if (config_.feedback == FeedbackKind::kFull || decision_.mode != ControlMode::kSolved) return;
   const std::int64_t next = *last_period_ + 1;
   const double start_s = static_cast<double>(next) * period_s();
+  if (observer_) observer_->predict_ahead(start_s - config_.lead_s, commands_);
   prepared_ = law_->prepare(task_for(next, estimate(start_s), *goal_at(start_s)));
   if (prepared_.status == SolverStatus::kNotRun) return;
   count(prepared_);

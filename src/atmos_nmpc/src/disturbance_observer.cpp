@@ -73,8 +73,7 @@ ObserverModel::ObserverModel(const Vehicle& vehicle, const ObserverConfig& confi
   }
 }
 
-ObserverState ObserverModel::next(const ObserverState& state, const Openings& openings,
-                                  double dt) const {
+ObserverState ObserverModel::next(const ObserverState& state, const Openings& openings, double dt) const {
   const Vec3<double> force_B = thrusters_.D * openings, torque_B = thrusters_.L * openings;
   ObserverState result = state;
   result.x = rk4_step(state.x, dt, [&](const State13<double>& x) {
@@ -110,8 +109,7 @@ ObserverMatrix ObserverModel::jacobian(const ObserverState& state, const Opening
   return one + Adt * (one + Adt / 2.0 * (one + Adt / 3.0));
 }
 
-ObserverMatrix ObserverModel::noise(const ObserverState& state, const Openings& openings,
-                                    double dt) const {
+ObserverMatrix ObserverModel::noise(const ObserverState& state, const Openings& openings, double dt) const {
   const double period = vehicle_.pwm.period_s;
   const auto square = [](double sigma) { return sigma * sigma; };
   ObserverMatrix Q = ObserverMatrix::Zero();
@@ -155,11 +153,10 @@ void DisturbanceObserver::for_each_stretch(double from_s, double until_s, const 
 void DisturbanceObserver::start(double stamp_s, const State13<double>& measured) {
   const auto square = [](double sigma) { return sigma * sigma; };
   started_ = true;
-  stamp_s_ = stamp_s;
   refused_ = 0;
-  estimate_ = {measured, {}};
-  covariance_.setZero();
-  auto variance = covariance_.diagonal();
+  ahead_.reset();
+  belief_ = {stamp_s, {measured, {}}, ObserverMatrix::Zero()};
+  auto variance = belief_.covariance.diagonal();
   variance.segment<3>(kPosition).setConstant(square(config_.position_noise_m));
   variance.segment<3>(kVelocity).setConstant(square(config_.initial_velocity_m_s));
   variance.segment<3>(kAttitude).setConstant(square(config_.attitude_noise_rad));
@@ -168,19 +165,33 @@ void DisturbanceObserver::start(double stamp_s, const State13<double>& measured)
   variance.segment<3>(kAngular).setConstant(square(config_.initial_disturbance_rad_s2));
 }
 
+void DisturbanceObserver::carry(Belief& belief, double until_s, const ValveSchedule& valves) const {
+  for_each_stretch(belief.stamp_s, until_s, valves, [&](const Openings& openings, double dt) {
+    const ObserverMatrix F = model_.jacobian(belief.state, openings, dt);
+    belief.covariance = F * belief.covariance * F.transpose() + model_.noise(belief.state, openings, dt);
+    belief.state = model_.next(belief.state, openings, dt);
+  });
+  belief.stamp_s = until_s;
+}
+
+void DisturbanceObserver::predict_ahead(double until_s, const ValveSchedule& valves) {
+  if (!started_ || until_s <= belief_.stamp_s) return;
+  ahead_ = belief_;
+  carry(*ahead_, until_s, valves);
+}
+
 bool DisturbanceObserver::update(double stamp_s, const State13<double>& measured,
                                  const ValveSchedule& valves) {
   if (!started_) {
     start(stamp_s, measured);
     return true;
   }
-  for_each_stretch(stamp_s_, stamp_s, valves, [this](const Openings& openings, double dt) {
-    const ObserverMatrix F = model_.jacobian(estimate_, openings, dt);
-    covariance_ = F * covariance_ * F.transpose() + model_.noise(estimate_, openings, dt);
-    estimate_ = model_.next(estimate_, openings, dt);
-  });
-  stamp_s_ = stamp_s;
+  if (ahead_ && ahead_->stamp_s <= stamp_s) belief_ = *ahead_;
+  ahead_.reset();
+  carry(belief_, stamp_s, valves);
 
+  ObserverState& estimate = belief_.state;
+  ObserverMatrix& covariance = belief_.covariance;
   Eigen::Matrix<double, 6, kSize> H = Eigen::Matrix<double, 6, kSize>::Zero();
   H.block<3, 3>(0, kPosition).setIdentity();
   H.block<3, 3>(3, kAttitude).setIdentity();
@@ -188,8 +199,8 @@ bool DisturbanceObserver::update(double stamp_s, const State13<double>& measured
   variance << Eigen::Vector3d::Constant(config_.position_noise_m * config_.position_noise_m),
       Eigen::Vector3d::Constant(config_.attitude_noise_rad * config_.attitude_noise_rad);
   const Eigen::Matrix<double, 6, 6> R = variance.asDiagonal();
-  const Eigen::Matrix<double, 6, 1> innovation = H * minus({measured, estimate_.d}, estimate_);
-  const Eigen::Matrix<double, 6, 6> S = H * covariance_ * H.transpose() + R;
+  const Eigen::Matrix<double, 6, 1> innovation = H * minus({measured, estimate.d}, estimate);
+  const Eigen::Matrix<double, 6, 6> S = H * covariance * H.transpose() + R;
   const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(S);
   nis_ = innovation.dot(factor.solve(innovation));
   if (!(nis_ <= config_.nis_gate)) {
@@ -197,27 +208,27 @@ bool DisturbanceObserver::update(double stamp_s, const State13<double>& measured
     return false;
   }
   refused_ = 0;
-  const Eigen::Matrix<double, kSize, 6> K = factor.solve(H * covariance_).transpose();
-  estimate_ = plus(estimate_, K * innovation);
-  const ObserverMatrix keep = ObserverMatrix::Identity() - K * H;
-  covariance_ = keep * covariance_ * keep.transpose() + K * R * K.transpose();
-  covariance_ = 0.5 * (covariance_ + covariance_.transpose()).eval();
+  const Eigen::Matrix<double, kSize, 6> K = factor.solve(H * covariance).transpose();
+  estimate = plus(estimate, K * innovation);
+  // H picks rows of the covariance: with K in hand the update is one thin product.
+  const Eigen::Matrix<double, 6, kSize> H_P = H * covariance;
+  covariance.noalias() -= K * H_P;
+  covariance = 0.5 * (covariance + covariance.transpose()).eval();
 
   // Beyond what the thrusters could cancel the controller could do nothing with it, and what is no force but
   // a wall or a hand must not be paid for later.
   const auto clamp = [](Vec3<double>& value, const Vec3<double>& limit) {
     value = value.cwiseMax(-limit).cwiseMin(limit);
   };
-  clamp(estimate_.d.acceleration_W, limit_.acceleration_W);
-  clamp(estimate_.d.angular_acceleration_B, limit_.angular_acceleration_B);
+  clamp(estimate.d.acceleration_W, limit_.acceleration_W);
+  clamp(estimate.d.angular_acceleration_B, limit_.angular_acceleration_B);
   return true;
 }
 
 ObserverState DisturbanceObserver::predicted(double until_s, const ValveSchedule& valves) const {
-  ObserverState state = estimate_;
-  for_each_stretch(stamp_s_, until_s, valves, [&](const Openings& openings, double dt) {
-    state = model_.next(state, openings, dt);
-  });
+  ObserverState state = belief_.state;
+  for_each_stretch(belief_.stamp_s, until_s, valves,
+                   [&](const Openings& openings, double dt) { state = model_.next(state, openings, dt); });
   return state;
 }
 

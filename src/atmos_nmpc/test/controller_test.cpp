@@ -42,7 +42,8 @@ class ControllerTest : public ::testing::Test {
     ControllerConfig config =
         load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle_);
     config.lead_s = 0.0;
-    config.feedback = FeedbackKind::kFull;  // the rules are those of a period's own solve; feedback_test has the rest
+    config.feedback =
+        FeedbackKind::kFull;  // the rules are those of a period's own solve; feedback_test has the rest
     return config;
   }();
   double clock_ = 0.0;

@@ -196,6 +196,41 @@ TEST(Solver, AnswerDoesNotDependOnTheWarmStart) {
   }
 }
 
+// Against multipliers of a solution to high accuracy: an input is at its bound where the bound has a price.
+TEST(Solver, ActiveBoundsAreThoseThatHaveAPrice) {
+  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
+  ControllerConfig config = load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle);
+  config.bounds.velocity.setConstant(0.3);
+  DirectAllocation problem = make_direct_allocation(vehicle, config);
+  State13<double> x0 = State13<double>::Zero(), reference = x0;
+  x0[state13::kQuaternion] = reference[state13::kQuaternion] = 1.0;
+  problem.cost().set_reference(
+      reference, x0.segment<4>(state13::kQuaternion),
+      planar_terminal_weight(problem.dynamics(), config.weights, problem.input_weight(), 0.0));
+  SolverOptions accurate = config.solver;
+  accurate.ipopt["tol"] = "1e-9";
+  accurate.max_iterations = 300;
+  OptimalControlSolver solver(problem, config.solver, stopped_clock), exact(problem, accurate, stopped_clock);
+  for (const double distance : {0.0, 0.3, 1.0, 3.0}) {
+    x0[0] = -distance;
+    problem.set_initial_state(x0);
+    Iterate plan = problem.cold_start(1e-4), truth = plan;
+    ASSERT_TRUE(is_success(solver.solve(plan).status));
+    ASSERT_TRUE(is_success(exact.solve(truth).status));
+    int priced = 0, fast = 0;
+    for (int k = 0; k < problem.stages(); ++k) {
+      for (int i = 17 * k; i < 17 * k + 4; ++i)
+        priced += truth.bound_lower[i] + truth.bound_upper[i] > 1e-3 ? 1 : 0;
+      fast += problem.state(truth.z, k + 1)[state13::kVelocity] > 0.3 - config.bounds.width ? 1 : 0;
+    }
+    const ActiveBounds active = problem.active_bounds(plan.z);
+    EXPECT_NEAR(active.inputs, priced, 1) << distance;
+    EXPECT_NEAR(active.states, fast, 1) << distance;
+    EXPECT_EQ(active.inputs > 0, distance > 0.5) << distance;
+    EXPECT_EQ(active.states > 0, distance > 2.0) << distance;
+  }
+}
+
 // At a random state before a random reference; every third with hard bounds of the rates too.
 DirectAllocation random_problem(const Vehicle& vehicle, ControllerConfig config, std::uint32_t seed) {
   std::mt19937 random(seed);

@@ -4,7 +4,9 @@ import math
 import os
 import unittest
 
+import numpy as np
 import rosunit
+from atmos_msgs.msg import NmpcStatus
 
 import harness
 import flight_report
@@ -28,6 +30,10 @@ class Sequence(unittest.TestCase):
         self.assertEqual(flight.motion_source, "sim/truth")
         self.assertEqual((flight.command_time < flight.end - 1e-6).sum(), 1000, log)
         self.assertGreater(rows[1]["impulse_n_s"], 1.0, "the robot got there without thrust")
+        # Commands come from solutions prepared ahead, at once; announced set-points are prepared for too.
+        feedback = [m.feedback for m in harness.messages(bag, "nmpc/status") if m.mode == NmpcStatus.MODE_SOLVED]
+        self.assertFalse(feedback[0])
+        self.assertGreater(np.mean(feedback), 0.95)
 
 
 if __name__ == "__main__":

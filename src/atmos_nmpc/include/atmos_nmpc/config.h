@@ -24,7 +24,8 @@ struct LossLimits {
 // What the controller decides: the paper's ctl:da, ctl:wrench, ctl:rate.
 enum class FormulationKind { kDirectAllocation, kWrench, kRate };
 
-// What a measurement meets: a solution prepared for it, corrected to first order (advanced_step.h), or a solve.
+// What a measurement meets: a solution prepared for it, corrected to first order (advanced_step.h), or a
+// solve.
 enum class FeedbackKind { kAdvancedStep, kFull };
 
 // Noise of the disturbance observer (docs/offset_free.md), standard deviations per axis.

@@ -18,7 +18,8 @@ namespace atmos {
 // What the flight controller is asked for (docs/architecture.md, "Command levels").
 enum class CommandLevel { kThrusters, kWrench };
 
-// What is asked of the actuators for one period. Filling one whose duty has its size already allocates nothing.
+// What is asked of the actuators for one period. Filling one whose duty has its size already allocates
+// nothing.
 struct ActuatorInput {
   BodyWrench wrench = BodyWrench::Zero();  // kWrench: as sent; otherwise zero
   std::vector<double>

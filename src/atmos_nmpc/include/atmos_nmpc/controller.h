@@ -36,7 +36,7 @@ struct Goal {
 struct ControllerCounters {
   std::uint64_t solves = 0;
   std::uint64_t solver_failures = 0;
-  std::uint64_t feedbacks = 0;  // commands from a prepared solution
+  std::uint64_t feedbacks = 0;            // commands from a prepared solution
   std::uint64_t rejected_not_finite = 0;  // odometry, also of a quaternion that is none
   std::uint64_t rejected_order = 0;
   std::uint64_t rejected_frame = 0;
@@ -123,8 +123,8 @@ class Controller {
   bool silent_ = false;  // the last decision was the watchdog's
 
   ControlDecision decision_;
-  ActuatorInput input_;   // scratch
-  SolveResult prepared_;  // of the newest prepare()
+  ActuatorInput input_;     // scratch
+  SolveResult prepared_;    // of the newest prepare()
   bool have_plan_ = false;  // the law's plan may be followed when the solver fails
   std::int64_t plan_period_ = 0;
   std::optional<double> braking_since_s_;

@@ -68,20 +68,30 @@ class DisturbanceObserver {
   // filter. `valves`: the commands since the last update. A pose beyond the gate is refused;
   // config.reset_after of them in a row start the filter anew. Returns whether the pose was taken.
   bool update(double stamp_s, const State13<double>& measured, const ValveSchedule& valves);
+  // Does most of the work of the next update() beforehand, if its stamp will not lie before until_s: carries
+  // a copy of the estimate to that time. `valves` up to then must not change any more.
+  void predict_ahead(double until_s, const ValveSchedule& valves);
   // Nothing is known any more.
   void reset() { started_ = false; }
 
   bool started() const { return started_; }
-  double stamp_s() const { return stamp_s_; }
-  const ObserverState& estimate() const { return estimate_; }
-  const ObserverMatrix& covariance() const { return covariance_; }
+  double stamp_s() const { return belief_.stamp_s; }
+  const ObserverState& estimate() const { return belief_.state; }
+  const ObserverMatrix& covariance() const { return belief_.covariance; }
   // The estimate carried on to until_s >= stamp_s().
   ObserverState predicted(double until_s, const ValveSchedule& valves) const;
   // Normalised innovation squared of the newest pose; 6 degrees of freedom.
   double nis() const { return nis_; }
 
  private:
+  struct Belief {
+    double stamp_s = 0.0;
+    ObserverState state;
+    ObserverMatrix covariance = ObserverMatrix::Zero();
+  };
+
   void start(double stamp_s, const State13<double>& measured);
+  void carry(Belief& belief, double until_s, const ValveSchedule& valves) const;
   // Calls visit(openings, dt) for every stretch of constant openings in between, none longer than 20 ms.
   template <class Visit>
   void for_each_stretch(double from_s, double until_s, const ValveSchedule& valves, const Visit& visit) const;
@@ -90,9 +100,8 @@ class DisturbanceObserver {
   ObserverModel model_;
   Disturbance limit_;  // what the thrusters could cancel, per axis
   bool started_ = false;
-  double stamp_s_ = 0.0;
-  ObserverState estimate_;
-  ObserverMatrix covariance_ = ObserverMatrix::Zero();
+  Belief belief_;
+  std::optional<Belief> ahead_;  // the same, carried on
   double nis_ = 0.0;
   int refused_ = 0;  // in a row
 };

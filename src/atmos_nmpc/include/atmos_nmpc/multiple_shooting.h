@@ -199,9 +199,9 @@ class MultipleShooting : public NonlinearProgram {
     }
   }
 
-  // What the parameters of the problem do to its KKT conditions at a point, weighed with y = [y_z; y_c] of the
-  // variables' and the constraints' sizes: y' d(KKT)/d parameter. The disturbance's second derivatives, of
-  // second order in the step, are left out.
+  // What the parameters of the problem do to its KKT conditions at a point, weighed with y = [y_z; y_c] of
+  // the variables' and the constraints' sizes: y' d(KKT)/d parameter. The disturbance's second derivatives,
+  // of second order in the step, are left out.
   struct ParameterSlopes {
     Eigen::Matrix<double, 1, kStates> initial_state;
     Eigen::RowVectorXd disturbance;      // stage by stage, (d_v, d_w) of each

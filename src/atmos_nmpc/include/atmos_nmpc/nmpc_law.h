@@ -95,7 +95,7 @@ class NmpcLaw : public ControlLaw {
  private:
   static constexpr double kColdStartMu = 1e-4;  // barrier parameter of a cold start, as mu_init
   // Share of an input's range: a correction beyond it is none of first order any more.
-  static constexpr double kLargestCorrection = 0.1;
+  static constexpr double kLargestCorrection = 0.2;
 
   void set_input_reference(const Quaternion4<double>& q_WB, const Disturbance& disturbance) {
     problem_.set_disturbance(disturbance);

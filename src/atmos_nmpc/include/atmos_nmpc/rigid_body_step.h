@@ -48,6 +48,9 @@ class RigidBodyStep {
     L_over_I_ = inertia.cwiseInverse().asDiagonal() * L;
     euler_ << (inertia[2] - inertia[1]) / inertia[0], (inertia[0] - inertia[2]) / inertia[1],
         (inertia[1] - inertia[0]) / inertia[2];
+    Eigen::Matrix<double, 6, NU> effect;
+    effect << D_over_m_, L_over_I_;
+    inverse_effect_ = effect.completeOrthogonalDecomposition().pseudoInverse();
   }
 
   double step_s() const { return h_; }
@@ -59,15 +62,13 @@ class RigidBodyStep {
   // The inputs under which a body with attitude q moves so against the disturbance, as nearly as they can and
   // of least norm.
   Input moving_input(const Quaternion4<double>& q, const Motion& motion) const {
-    Eigen::Matrix<double, 6, NU> effect;
-    effect << D_over_m_, L_over_I_;
     const Vec3<double>& w = motion.rate_B;
     Eigen::Matrix<double, 6, 1> needed;
     needed << rotate<double>({q[0], -q[1], -q[2], -q[3]},
                              motion.acceleration_W - disturbance_.acceleration_W),
         motion.angular_acceleration_B - disturbance_.angular_acceleration_B +
             euler_.cwiseProduct(Vec3<double>(w[1] * w[2], w[2] * w[0], w[0] * w[1]));
-    return effect.completeOrthogonalDecomposition().solve(needed);
+    return inverse_effect_ * needed;
   }
   // The same for a body at rest.
   Input holding_input(const Quaternion4<double>& q) const { return moving_input(q, {}); }
@@ -113,8 +114,7 @@ class RigidBodyStep {
                                     rate_jacobian_w(stages.q[i]) * Y.template bottomRows<3>();
       slope.template bottomRows<3>() =
           euler_jacobian(stages.w[i]) * Y.template bottomRows<3>() + Eigen::Matrix3d::Identity();
-      const Eigen::Matrix3d acceleration =
-          force_jacobian_q(stages.q[i], stages.f) * Y.template topRows<4>();
+      const Eigen::Matrix3d acceleration = force_jacobian_q(stages.q[i], stages.f) * Y.template topRows<4>();
       J.template block<3, 3>(state13::kPosition, 3) += position_weight(i) * acceleration;
       J.template block<3, 3>(state13::kVelocity, 3) += slope_weight(i) * acceleration;
       J.template block<7, 3>(state13::kQuaternion, 3) += slope_weight(i) * slope;
@@ -298,6 +298,7 @@ class RigidBodyStep {
 
   Eigen::Matrix<double, 3, NU> D_over_m_;
   Eigen::Matrix<double, 3, NU> L_over_I_;
+  Eigen::Matrix<double, NU, 6> inverse_effect_;  // of D / m over I^-1 L, least squares and least norm
   Eigen::Vector3d euler_;  // (w x I w) / I, component i: euler_[i] times the product of the other two rates
   double h_;
   Disturbance disturbance_;
