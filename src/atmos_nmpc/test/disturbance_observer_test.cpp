@@ -223,8 +223,7 @@ TEST_F(Observer, PredictingAheadChangesNothing) {
     const double stamp = t + kPeriod + 0.005 * (k % 3 - 1);
     const State13<double> pose = measured(truth, random);
     EXPECT_EQ(plain.update(stamp, pose, valves), ahead.update(stamp, pose, valves));
-    EXPECT_LT(minus(plain.estimate(), ahead.estimate()).norm(), 1e-5)
-        << k;  // the stretches of integration differ
+    EXPECT_LT(minus(plain.estimate(), ahead.estimate()).norm(), 3e-5) << k;
     EXPECT_LT((plain.covariance() - ahead.covariance()).norm(), 1e-3 * plain.covariance().norm()) << k;
   }
 }
