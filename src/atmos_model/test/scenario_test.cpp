@@ -43,6 +43,9 @@ mocap:
   publish_delay_s: 0.01
   dropout_probability: 0.1
   dropouts: [{start_s: 3.0, duration_s: 0.4}]
+  distortion_m: 0.0002
+  stamp_jitter_s: 0.0001
+lab: {thrust_scatter: 0.02, slow_force_n: 0.003, slow_torque_n_m: 0.0002, slow_time_s: 5.0}
 effects:
   - {kind: floor_tilt, parameters: {slope_x: 0.001, slope_y: -0.002}}
   - {kind: supply_coupling, parameters: {fraction_per_open_thruster: 0.125}}
@@ -70,13 +73,21 @@ TEST_F(ScenarioFile, HoldsWhatIsWritten) {
   EXPECT_EQ(scenario.mocap.publish_delay_s, 0.01);
   ASSERT_EQ(scenario.mocap.dropouts.size(), 1u);
   EXPECT_EQ(scenario.mocap.dropouts[0].duration_s, 0.4);
+  EXPECT_EQ(scenario.mocap.distortion_m, 0.0002);
+  EXPECT_EQ(scenario.mocap.stamp_jitter_s, 0.0001);
+  EXPECT_EQ(scenario.lab.thrust_scatter, 0.02);
+  EXPECT_EQ(scenario.lab.slow_force_n, 0.003);
+  EXPECT_EQ(scenario.lab.slow_torque_n_m, 0.0002);
+  EXPECT_EQ(scenario.lab.slow_time_s, 5.0);
   ASSERT_EQ(scenario.effects.size(), 2u);
   EXPECT_EQ(kind_of(scenario.effects[0]), "supply_coupling");
 }
 
 TEST_F(ScenarioFile, EveryMutatedCopyIsRefusedWithTheRightKey) {
   const std::vector<Mutation> mutations = every_mutation(
-      valid(), {"step_s", "effects", "mocap.publish_delay_s", "mocap.dropout_probability", "mocap.dropouts"});
+      valid(), {"step_s", "effects", "mocap.publish_delay_s", "mocap.dropout_probability", "mocap.dropouts",
+                "mocap.distortion_m", "mocap.stamp_jitter_s", "lab", "lab.thrust_scatter", "lab.slow_force_n",
+                "lab.slow_torque_n_m", "lab.slow_time_s"});
   EXPECT_GT(mutations.size(), 70u);
   for (const Mutation& mutation : mutations)
     expect_refused(mutation, [this](const YAML::Node& root) { load(root); });

@@ -22,12 +22,13 @@ constexpr std::size_t kFewestInstants = 100;
 
 // Bounds of what the vocabulary of effects can mean.
 constexpr double kUnsuspiciousShift = 0.35;  // s
-constexpr double kClearCorrelation = 0.35;   // at the best shift, and that much above the one at none
-constexpr double kMoves = 8.0;               // variance of the motion over that of the noise
-constexpr double kFollows = 0.3;             // correlation
-constexpr double kClear = 4.0;               // standard deviations
-constexpr double kElsewhere = 0.5;           // cosine of the angle between observed and stated push
-constexpr double kInProportion = 0.8;        // correlation
+constexpr double kClearCorrelation = 0.35;
+constexpr double kMuchBetter = 0.5;    // unexplained share of the motion, against that without a shift
+constexpr double kMoves = 8.0;         // variance of the motion over that of the noise
+constexpr double kFollows = 0.3;       // correlation
+constexpr double kClear = 4.0;         // standard deviations
+constexpr double kElsewhere = 0.5;     // cosine of the angle between observed and stated push
+constexpr double kInProportion = 0.8;  // correlation
 constexpr double kWeakest = 1.0 / 3.0, kStrongest = 3.0;
 
 // Poses and openings on a regular grid, with integrals that make means over any stretch cheap.
@@ -273,8 +274,9 @@ Response response(const Recording& recording, const Vehicle& vehicle) {
 
 std::string refusal(const Response& response) {
   char text[240];
+  const auto unexplained = [](double correlation) { return 1.0 - correlation * std::abs(correlation); };
   if (std::abs(response.best_shift_s) > kUnsuspiciousShift && response.best_correlation > kClearCorrelation &&
-      response.best_correlation > response.correlation + kClearCorrelation) {
+      unexplained(response.best_correlation) < kMuchBetter * unexplained(response.correlation)) {
     std::snprintf(text, sizeof(text),
                   "the poses are stamped about %.1f s %s against the commands: the clocks are apart",
                   std::abs(response.best_shift_s), response.best_shift_s > 0.0 ? "late" : "early");

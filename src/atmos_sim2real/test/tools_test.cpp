@@ -76,6 +76,14 @@ TEST_F(Tools, RefuseBadRecordings) {
   EXPECT_FALSE(fs::exists(folder_ / "out" / "report.json"));
 }
 
+// Nothing is claimed of a motion that does not answer these commands as this vehicle's would.
+TEST_F(Tools, RefuseAnotherVehicleAndClocksSecondsApart) {
+  const std::string other = std::string(ATMOS_ROOT) + "/config/vehicle/astrobee_ground.yaml";
+  expect_refused(diagnose(bag("flown"), other), "times as strongly as the vehicle file says");
+  expect_refused(diagnose(bag("seconds_apart")), "stamped about 3.0 s late against the commands");
+  EXPECT_EQ(predict("--horizon 2 " + bag("flown")).code, 0);
+}
+
 // One bad recording among good ones: nothing is concluded from the rest behind the user's back.
 TEST_F(Tools, RefuseAListWithOneBadRecording) {
   const Outcome outcome = diagnose(bag("good") + " " + bag("truncated") + " " + bag("half_nan"));
