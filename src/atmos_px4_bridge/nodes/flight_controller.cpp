@@ -1,6 +1,9 @@
-// nmpc/thrusters, nmpc/wrench, odometry -> thruster_command, flight_controller/status, diagnostics.
-// Parameters: ~vehicle (path of the vehicle file), ~lockstep (bool).
+// nmpc/thrusters, nmpc/wrench, nmpc/rate, odometry -> thruster_command, flight_controller/status,
+// diagnostics. Parameters: ~vehicle, ~config (paths of the vehicle and the flight controller file), ~lockstep
+// (bool).
 #include <atmos_msgs/FlightControllerStatus.h>
+#include <atmos_msgs/MocapStatus.h>
+#include <atmos_msgs/RateCommand.h>
 #include <atmos_msgs/ThrusterCommand.h>
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <geometry_msgs/WrenchStamped.h>
@@ -8,11 +11,13 @@
 #include <ros/ros.h>
 
 #include <cmath>
+#include <deque>
 #include <optional>
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_px4_bridge/flight_controller.h"
+#include "atmos_px4_bridge/odometry_gate.h"
 
 namespace atmos {
 
@@ -39,7 +44,8 @@ bool is_finite(const nav_msgs::Odometry& odometry) {
 
 class FlightControllerNode {
  public:
-  FlightControllerNode(const Vehicle& vehicle, Pacing pacing) : core_(vehicle, pacing) {
+  FlightControllerNode(const Vehicle& vehicle, const FlightControllerConfig& config, Pacing pacing)
+      : lockstep_(pacing == Pacing::kLockstep), core_(vehicle, config, pacing) {
     command_publisher_ = node_.advertise<atmos_msgs::ThrusterCommand>("thruster_command", kQueue);
     status_publisher_ =
         node_.advertise<atmos_msgs::FlightControllerStatus>("flight_controller/status", kQueue);
@@ -51,11 +57,12 @@ class FlightControllerNode {
         node_.subscribe("nmpc/thrusters", kQueue, &FlightControllerNode::on_command, this, hints);
     wrench_subscriber_ =
         node_.subscribe("nmpc/wrench", kQueue, &FlightControllerNode::on_wrench, this, hints);
-    if (pacing == Pacing::kRealTime) {
-      odometry_subscriber_ =
-          node_.subscribe("odometry", kQueue, &FlightControllerNode::on_odometry, this, hints);
-      timer_ = node_.createTimer(ros::Duration(kTick_s), &FlightControllerNode::on_tick, this);
-    }
+    rate_subscriber_ = node_.subscribe("nmpc/rate", kQueue, &FlightControllerNode::on_rate, this, hints);
+    odometry_subscriber_ =
+        node_.subscribe("odometry", kQueue, &FlightControllerNode::on_odometry, this, hints);
+    mocap_status_subscriber_ =
+        node_.subscribe("mocap/status", kQueue, &FlightControllerNode::on_mocap_status, this, hints);
+    if (!lockstep_) timer_ = node_.createTimer(ros::Duration(kTick_s), &FlightControllerNode::on_tick, this);
   }
 
  private:
@@ -71,8 +78,34 @@ class FlightControllerNode {
     diagnostics_.update();
   }
 
+  void on_rate(const atmos_msgs::RateCommand& message) {
+    held_.push_back(message);
+    pass_on_rates();
+  }
+
+  // In lockstep a rate command waits for the odometry of its period: which came first would differ from run
+  // to run.
+  void pass_on_rates() {
+    while (!held_.empty() && (!lockstep_ || gate_.complete(held_.front().header.stamp.toSec()))) {
+      const atmos_msgs::RateCommand message = held_.front();
+      held_.pop_front();
+      publish(core_.take_rate(message.header.stamp.toSec(), {message.force.x, message.force.y},
+                              message.angular_rate.z, ros::Time::now().toSec()));
+      diagnostics_.update();
+    }
+  }
+
   void on_odometry(const nav_msgs::Odometry& message) {
-    if (is_finite(message)) core_.take_odometry(message.header.stamp.toSec(), ros::Time::now().toSec());
+    const double stamp = message.header.stamp.toSec();
+    if (is_finite(message))
+      core_.take_odometry(stamp, message.twist.twist.angular.z, ros::Time::now().toSec());
+    gate_.on_odometry(stamp);
+    pass_on_rates();
+  }
+
+  void on_mocap_status(const atmos_msgs::MocapStatus& message) {
+    gate_.on_status(message.header.stamp.toSec(), message.published);
+    pass_on_rates();
   }
 
   void on_tick(const ros::TimerEvent&) {
@@ -116,10 +149,14 @@ class FlightControllerNode {
   }
 
   ros::NodeHandle node_;
+  bool lockstep_;
   FlightController core_;
+  OdometryGate gate_;
+  std::deque<atmos_msgs::RateCommand> held_;
   diagnostic_updater::Updater diagnostics_;
   ros::Publisher command_publisher_, status_publisher_;
-  ros::Subscriber command_subscriber_, wrench_subscriber_, odometry_subscriber_;
+  ros::Subscriber command_subscriber_, wrench_subscriber_, rate_subscriber_, odometry_subscriber_,
+      mocap_status_subscriber_;
   ros::Timer timer_;
 };
 
@@ -131,8 +168,10 @@ int main(int argc, char** argv) {
   return atmos::run_node(argc, argv, "flight_controller", [] {
     const ros::NodeHandle parameters("~");
     const auto vehicle = atmos::load_vehicle(atmos::required_parameter<std::string>(parameters, "vehicle"));
+    const auto config =
+        atmos::load_flight_controller(atmos::required_parameter<std::string>(parameters, "config"));
     const bool lockstep = atmos::required_parameter<bool>(parameters, "lockstep");
-    const atmos::FlightControllerNode node(vehicle,
+    const atmos::FlightControllerNode node(vehicle, config,
                                            lockstep ? atmos::Pacing::kLockstep : atmos::Pacing::kRealTime);
     ros::spin();
     return 0;

@@ -12,6 +12,7 @@ namespace {
 constexpr double kSameInstant = 1e-6;  // s, above the resolution of a ROS time held in a double
 constexpr double kMostPeriodsAhead = 2.0;
 constexpr double kScaleResolution = 1e-9;
+constexpr double kRateAge = 1.5;  // periods: a yaw rate measured longer ago is none
 
 std::string text(const char* format, double a, double b = 0.0) {
   char buffer[160];
@@ -21,8 +22,13 @@ std::string text(const char* format, double a, double b = 0.0) {
 
 }  // namespace
 
-FlightController::FlightController(const Vehicle& vehicle, Pacing pacing)
-    : thruster_count_(vehicle.thrusters.size()), allocator_(vehicle), pwm_(vehicle.pwm), pacing_(pacing) {}
+FlightController::FlightController(const Vehicle& vehicle, const FlightControllerConfig& config,
+                                   Pacing pacing)
+    : thruster_count_(vehicle.thrusters.size()),
+      allocator_(vehicle),
+      rate_(config.rate),
+      pwm_(vehicle.pwm),
+      pacing_(pacing) {}
 
 double FlightController::period_start(double time_s) const {
   return std::floor((time_s + kSameInstant) / pwm_.period_s) * pwm_.period_s;
@@ -73,7 +79,8 @@ ValveOrder FlightController::closed(double stamp_s, const std::string& reason) {
 void FlightController::notice_restart(double now_s) {
   if (now_s < last_now_ - pwm_.period_s) {
     newest_stamp_ = -std::numeric_limits<double>::infinity();
-    odometry_stamp_ = -std::numeric_limits<double>::infinity();
+    odometry_stamp_ = measured_stamp_ = -std::numeric_limits<double>::infinity();
+    rate_.reset();
   }
   last_now_ = now_s;
 }
@@ -135,8 +142,26 @@ std::optional<ValveOrder> FlightController::take_wrench(double stamp_s, const Bo
   return take_command(command, now_s);
 }
 
-void FlightController::take_odometry(double stamp_s, double now_s) {
-  if (pacing_ == Pacing::kLockstep || !std::isfinite(stamp_s)) return;
+std::optional<ValveOrder> FlightController::take_rate(double stamp_s, const Eigen::Vector2d& force,
+                                                      double yaw_rate, double now_s) {
+  if (!std::isfinite(stamp_s) || !force.allFinite() || !std::isfinite(yaw_rate)) {
+    const ThrusterCommand none{stamp_s, pwm_.period_s, std::vector<double>(thruster_count_, 0.0)};
+    return take(none, "malformed command: force or rate is not finite", now_s);
+  }
+  std::optional<double> measured;
+  if (stamp_s - measured_stamp_ <= kRateAge * pwm_.period_s) measured = measured_yaw_rate_;
+  const BodyWrench wrench(force.x(), force.y(), rate_.torque(stamp_s, yaw_rate, measured));
+  rate_.achieved(std::min(1.0, allocator_.attainable_scale(wrench)) * wrench[2]);
+  return take_wrench(stamp_s, wrench, now_s);
+}
+
+void FlightController::take_odometry(double stamp_s, double yaw_rate, double now_s) {
+  if (!std::isfinite(stamp_s)) return;
+  if (std::isfinite(yaw_rate) && stamp_s > measured_stamp_) {
+    measured_stamp_ = stamp_s;
+    measured_yaw_rate_ = yaw_rate;
+  }
+  if (pacing_ == Pacing::kLockstep) return;
   notice_restart(now_s);
   odometry_stamp_ = std::max(odometry_stamp_, std::min(stamp_s, now_s));
 }

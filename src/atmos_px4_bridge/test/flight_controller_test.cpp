@@ -27,9 +27,12 @@ bool all_closed(const ValveOrder& order) {
   return order.command.duty == std::vector<double>(8, 0.0) && !order.status.flying;
 }
 
+// Half of a rate error within one period, without an integral.
+const FlightControllerConfig kGains = {{1.485, 0.0, 0.0, 0.0, 0.0}};
+
 class RealTime : public ::testing::Test {
  protected:
-  RealTime() : core(test_vehicle(), Pacing::kRealTime) { core.take_odometry(kStart, kStart); }
+  RealTime() : core(test_vehicle(), kGains, Pacing::kRealTime) { core.take_odometry(kStart, 0.0, kStart); }
   FlightController core;
 };
 
@@ -95,7 +98,7 @@ TEST_F(RealTime, EveryPeriodGetsExactlyOneOrder) {
   };
   for (int ms = 0; ms < 2000; ++ms) {
     const double now = kStart + 1e-3 * ms;
-    if (ms % 10 == 0) core.take_odometry(now, now);
+    if (ms % 10 == 0) core.take_odometry(now, 0.0, now);
     // Every third period goes without a command; the others' come 10 ms before or after their period's start.
     const int period = (ms + 10) / 100;
     const bool early = ms % 100 == 90 && period % 3 == 1, late = ms % 100 == 10 && period % 3 == 2;
@@ -132,7 +135,7 @@ TEST_F(RealTime, MalformedCommandsAreCountedAndThePeriodCloses) {
   EXPECT_TRUE(all_closed(*order));
   EXPECT_EQ(order->status.reason, "malformed command: duty 3 is not finite");
 
-  core.take_odometry(kStart + 0.1, kStart + 0.1);
+  core.take_odometry(kStart + 0.1, 0.0, kStart + 0.1);
   const auto recovered = core.take_command(command(kStart + 0.1), kStart + 0.1);
   ASSERT_TRUE(recovered);
   EXPECT_TRUE(recovered->status.flying);
@@ -162,8 +165,8 @@ TEST_F(RealTime, FullDutiesStayWithinTheirRange) {
 
 TEST(FlightControllerMinOnTime, ShorterPulsesAreSentAsZero) {
   for (const Pacing pacing : {Pacing::kRealTime, Pacing::kLockstep}) {
-    FlightController core(test_vehicle(0.01), pacing);
-    core.take_odometry(kStart, kStart);
+    FlightController core(test_vehicle(0.01), kGains, pacing);
+    core.take_odometry(kStart, 0.0, kStart);
     ThrusterCommand sent = command(kStart, 0.5);
     sent.duty[0] = 0.099;
     sent.duty[1] = 0.1;
@@ -175,7 +178,7 @@ TEST(FlightControllerMinOnTime, ShorterPulsesAreSentAsZero) {
 }
 
 TEST(FlightControllerOdometry, WithoutAnyTheValvesStayClosed) {
-  FlightController core(test_vehicle(), Pacing::kRealTime);
+  FlightController core(test_vehicle(), kGains, Pacing::kRealTime);
   const auto order = core.take_command(command(kStart), kStart - 0.01);
   ASSERT_TRUE(order);
   EXPECT_TRUE(all_closed(*order));
@@ -192,7 +195,7 @@ TEST_F(RealTime, OldOdometryClosesTheValvesUntilItReturns) {
   ASSERT_TRUE(silent);
   EXPECT_EQ(silent->status.reason, "odometry is 0.73 s old");
 
-  core.take_odometry(kStart + 0.78, kStart + 0.79);
+  core.take_odometry(kStart + 0.78, 0.0, kStart + 0.79);
   const auto recovered = core.take_command(command(kStart + 0.8), kStart + 0.79);
   ASSERT_TRUE(recovered);
   EXPECT_TRUE(recovered->status.flying);
@@ -200,7 +203,7 @@ TEST_F(RealTime, OldOdometryClosesTheValvesUntilItReturns) {
 }
 
 TEST_F(RealTime, PulsesAreCutWhereOdometryBecomesTooOld) {
-  core.take_odometry(kStart + 0.03, kStart + 0.03);
+  core.take_odometry(kStart + 0.03, 0.0, kStart + 0.03);
   ThrusterCommand sent = command(kStart + 0.5, 1.0);
   sent.duty[1] = 0.1;
   const auto order = core.take_command(sent, kStart + 0.49);
@@ -211,16 +214,16 @@ TEST_F(RealTime, PulsesAreCutWhereOdometryBecomesTooOld) {
 }
 
 TEST_F(RealTime, OdometryFromTheFutureCountsAsOfNow) {
-  core.take_odometry(kStart + 1000.0, kStart);
-  core.take_odometry(kNan, kStart);
+  core.take_odometry(kStart + 1000.0, 0.0, kStart);
+  core.take_odometry(kNan, 0.0, kStart);
   const auto order = core.take_command(command(kStart + 0.6), kStart + 0.6);
   ASSERT_TRUE(order);
   EXPECT_TRUE(all_closed(*order));
 }
 
 TEST_F(RealTime, OlderOdometryDoesNotReplaceNewer) {
-  core.take_odometry(kStart + 0.3, kStart + 0.3);
-  core.take_odometry(kStart - 5.0, kStart + 0.31);
+  core.take_odometry(kStart + 0.3, 0.0, kStart + 0.3);
+  core.take_odometry(kStart - 5.0, 0.0, kStart + 0.31);
   const auto order = core.take_command(command(kStart + 0.4), kStart + 0.4);
   ASSERT_TRUE(order);
   EXPECT_TRUE(order->status.flying);
@@ -230,7 +233,7 @@ TEST_F(RealTime, StartsAnewWhenTimeJumpsBack) {
   ASSERT_TRUE(core.take_command(command(kStart), kStart));
   const double again = kStart - 100.0;
   EXPECT_TRUE(core.tick(again + 0.03)) << "periods before the old newest one are served";
-  core.take_odometry(again + 0.1, again + 0.1);
+  core.take_odometry(again + 0.1, 0.0, again + 0.1);
   const auto order = core.take_command(command(again + 0.1), again + 0.1);
   ASSERT_TRUE(order);
   EXPECT_TRUE(order->status.flying);
@@ -238,7 +241,7 @@ TEST_F(RealTime, StartsAnewWhenTimeJumpsBack) {
 
 class Lockstep : public ::testing::Test {
  protected:
-  Lockstep() : core(test_vehicle(), Pacing::kLockstep) {}
+  Lockstep() : core(test_vehicle(), kGains, Pacing::kLockstep) {}
   FlightController core;
 };
 
@@ -321,6 +324,37 @@ TEST_F(RealTime, WrenchObeysTheRulesOfTheClock) {
   // A wrench replaces a thruster command for the same period and the other way round.
   ASSERT_TRUE(core.take_command(command(kStart + 0.2, 0.9), kStart + 0.15));
   EXPECT_LT(core.take_wrench(kStart + 0.2, {0.5, 0.0, 0.0}, kStart + 0.16)->command.duty[0], 0.9);
+}
+
+TEST_F(Lockstep, RateBecomesTorqueAndForceStays) {
+  core.take_odometry(kStart, -0.1, kStart);
+  const auto order = core.take_rate(kStart, {0.4, 0.0}, 0.1, kStart);
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(order->status.flying);
+  const Allocation expected = Allocator(test_vehicle()).allocate({0.4, 0.0, 1.485 * 0.2});
+  for (std::size_t i = 0; i < expected.duty.size(); ++i)
+    EXPECT_NEAR(order->command.duty[i], expected.duty[i], 1e-12) << i;
+}
+
+TEST_F(Lockstep, RateMeasuredTooLongAgoGivesNoTorque) {
+  core.take_odometry(kStart, 0.5, kStart);
+  ASSERT_TRUE(core.take_rate(kStart, {0.0, 0.0}, 0.0, kStart));
+  const auto order = core.take_rate(kStart + 0.2, {0.0, 0.0}, 0.0, kStart + 0.2);
+  ASSERT_TRUE(order);
+  for (const double duty : order->command.duty) EXPECT_EQ(duty, 0.0);
+}
+
+TEST_F(Lockstep, RateThatIsNotFiniteClosesTheValves) {
+  core.take_odometry(kStart, 0.5, kStart);
+  for (int k = 0; k < 3; ++k) {
+    const double stamp = kStart + 0.1 * k;
+    const auto order =
+        core.take_rate(stamp, {k == 0 ? kNan : 0.0, k == 1 ? kNan : 0.0}, k == 2 ? kNan : 0.0, stamp);
+    ASSERT_TRUE(order);
+    EXPECT_FALSE(order->status.flying);
+    for (const double duty : order->command.duty) EXPECT_EQ(duty, 0.0);
+  }
+  EXPECT_EQ(core.status().malformed, 3U);
 }
 
 }  // namespace

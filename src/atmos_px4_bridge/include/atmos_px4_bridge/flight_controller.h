@@ -10,6 +10,7 @@
 #include "atmos_model/allocator.h"
 #include "atmos_model/valve_schedule.h"
 #include "atmos_model/vehicle.h"
+#include "atmos_px4_bridge/rate_controller.h"
 
 namespace atmos {
 
@@ -51,7 +52,7 @@ class FlightController {
   static constexpr double kGrace_s = 0.02;         // a command may come this long after its period's start
   static constexpr double kOdometryLimit_s = 0.5;  // older odometry closes the valves
 
-  FlightController(const Vehicle& vehicle, Pacing pacing);
+  FlightController(const Vehicle& vehicle, const FlightControllerConfig& config, Pacing pacing);
 
   // Takes a command that arrived at `now_s`. Returns the order to pass on at once; nothing when the command
   // is not carried out (in real time tick() then closes the period; in lockstep that period has been answered
@@ -63,8 +64,14 @@ class FlightController {
   // into duties. A wrench beyond what the thrusters can do is scaled along its direction and counted.
   std::optional<ValveOrder> take_wrench(double stamp_s, const BodyWrench& wrench, double now_s);
 
-  // Notes odometry stamped `stamp_s` that arrived at `now_s`; a stamp ahead of the clock counts as of now.
-  void take_odometry(double stamp_s, double now_s);
+  // The same with a planar body force [N] and a yaw rate [rad/s]: the rate loop turns the rate into a torque.
+  // The force is scaled along with the torque where the thrusters cannot give both.
+  std::optional<ValveOrder> take_rate(double stamp_s, const Eigen::Vector2d& force, double yaw_rate,
+                                      double now_s);
+
+  // Notes odometry stamped `stamp_s`, with the robot's yaw rate [rad/s], that arrived at `now_s`; a stamp
+  // ahead of the clock counts as of now.
+  void take_odometry(double stamp_s, double yaw_rate, double now_s);
 
   // To be called a few times per period in real time: closes the valves for the current period when no
   // command came within kGrace_s of its start, once per period.
@@ -87,12 +94,14 @@ class FlightController {
 
   std::size_t thruster_count_;
   Allocator allocator_;
+  RateController rate_;
   Pwm pwm_;
   Pacing pacing_;
   FlightStatus status_;
   std::string last_fault_;  // of a malformed command since the last order
   double newest_stamp_ = -std::numeric_limits<double>::infinity();  // of the orders given
   double odometry_stamp_ = -std::numeric_limits<double>::infinity();
+  double measured_yaw_rate_ = 0.0, measured_stamp_ = -std::numeric_limits<double>::infinity();
   double last_now_ = -std::numeric_limits<double>::infinity();
 };
 
