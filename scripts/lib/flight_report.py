@@ -219,7 +219,8 @@ def solve_metrics(flight):
 
 def vehicle_forces(path):
     with open(path) as file:
-        return np.array([t["force_n"] for t in yaml.safe_load(file)["vehicle"]["thrusters"]])
+        vehicle = yaml.safe_load(file)["vehicle"]
+    return np.array([t["force_n"] for t in vehicle.get("propellers") or vehicle["thrusters"]])
 
 
 # ---------------------------------------------------------------- figures

@@ -70,7 +70,7 @@ PoseFilter::PoseFilter(const MocapConfig& config, const Vehicle& vehicle)
     : config_(config),
       vehicle_(vehicle),
       matrices_(thruster_matrices(vehicle)),
-      valves_(static_cast<int>(vehicle.thrusters.size())),
+      valves_(static_cast<int>(vehicle.thrusters.size()), {}, vehicle.actuation),
       openings_(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(vehicle.thrusters.size()))) {}
 
 void PoseFilter::take_command(const ThrusterCommand& command, double now_s) {
@@ -91,7 +91,7 @@ FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
     refused_stamp_ = frame.stamp_s;
     if (order_refusals_ < config_.reinitialise_after || !usable(frame)) return {state_, false, age};
     // Commands of the time before the jump say nothing about the time after it.
-    valves_ = ValveSchedule(valves_.valve_count());
+    valves_ = ValveSchedule(valves_.valve_count(), {}, vehicle_.actuation);
     known_from_ = std::numeric_limits<double>::infinity();
     known_until_ = -std::numeric_limits<double>::infinity();
     start(frame);

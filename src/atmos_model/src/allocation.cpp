@@ -26,6 +26,11 @@ std::vector<ThrusterPair> thruster_pairs(const Vehicle& vehicle) {
   constexpr double kTolerance = 1e-6;
   const AllocationMatrices matrices = thruster_matrices(vehicle);
   const int n = static_cast<int>(vehicle.thrusters.size());
+  if (vehicle.actuation == Actuation::kContinuous) {
+    std::vector<ThrusterPair> propellers;
+    for (int i = 0; i < n; ++i) propellers.push_back({i, i});
+    return propellers;
+  }
   std::vector<bool> taken(vehicle.thrusters.size(), false);
   std::vector<ThrusterPair> pairs;
   for (int i = 0; i < n; ++i) {

@@ -40,15 +40,21 @@ Allocator::Allocator(const Vehicle& vehicle, const std::vector<int>& failed)
   }
 
   const AllocationMatrices matrices = thruster_matrices(vehicle);
-  B_.resize(3, static_cast<Eigen::Index>(thruster_count_ - dead.size()));
+  // A propeller is two thrusters back to back, of which the least-norm duties use at most one.
+  const bool both_ways = vehicle.actuation == Actuation::kContinuous;
+  B_.resize(3, static_cast<Eigen::Index>((both_ways ? 2 : 1) * (thruster_count_ - dead.size())));
   for (std::size_t i = 0; i < thruster_count_; ++i) {
     if (dead.count(static_cast<int>(i) + 1) > 0) continue;
     const auto column = static_cast<Eigen::Index>(i);
-    B_.col(static_cast<Eigen::Index>(healthy_.size())) =
-        vehicle.thrusters[i].force_n *
-        BodyWrench(matrices.D(0, column), matrices.D(1, column), matrices.L(2, column));
-    healthy_.push_back(i);
+    const BodyWrench full = vehicle.thrusters[i].force_n *
+                            BodyWrench(matrices.D(0, column), matrices.D(1, column), matrices.L(2, column));
+    for (const double sense : {1.0, -1.0}) {
+      if (sense < 0.0 && !both_ways) break;
+      B_.col(static_cast<Eigen::Index>(healthy_.size())) = sense * full;
+      healthy_.push_back({i, sense});
+    }
   }
+  if (both_ways) min_duty_ = 0.0;
   const double force = B_.size() > 0 ? B_.topRows<2>().cwiseAbs().maxCoeff() : 0.0;
   const double torque = B_.size() > 0 ? B_.row(2).cwiseAbs().maxCoeff() : 0.0;
   const bool pushes_and_turns = force > 0.0 && torque > 0.0;
@@ -173,7 +179,7 @@ void Allocator::allocate_into(const BodyWrench& wrench, Allocation& result) cons
     if (duty < kDutyResolution) duty = 0.0;
     if (duty > 1.0 - kDutyResolution) duty = 1.0;  // a valve that stays open must not blink
     if (duty < min_duty_ - kDutyResolution) duty = 0.0;
-    result.duty[healthy_[i]] = duty;
+    result.duty[healthy_[i].thruster] += healthy_[i].sense * duty;
     result.achieved += duty * unit_.cwiseProduct(Eigen::Vector3d(column));
   }
 }

@@ -20,7 +20,17 @@ Plant::Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s
   if (properties_.thrusters.size() > static_cast<std::size_t>(kMaxThrusters))
     throw std::invalid_argument("a vehicle has at most " + std::to_string(kMaxThrusters) + " thrusters");
   properties_.bearings_m = vehicle.bearings_m;
-  properties_.timing.dead_since_s.assign(vehicle.thrusters.size(), std::numeric_limits<double>::infinity());
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  properties_.timing.dead_since_s.assign(vehicle.thrusters.size(), kNever);
+  properties_.timing.stuck_open_since_s.assign(vehicle.thrusters.size(), kNever);
+  if (vehicle.pneumatics) properties_.bearing_flow_kg_s = vehicle.pneumatics->bearing_flow_kg_s;
+  properties_.actuation = vehicle.actuation;
+  if (vehicle.actuation == Actuation::kContinuous) {
+    properties_.gas_kg_per_open_second = 0.0;
+    const auto is_rise = [](const Effect& effect) { return std::holds_alternative<ThrustRise>(effect); };
+    if (vehicle.motor_time_constant_s > 0.0 && std::none_of(effects_.begin(), effects_.end(), is_rise))
+      effects_.push_back(ThrustRise{{}, vehicle.motor_time_constant_s});
+  }
 
   std::stable_sort(effects_.begin(), effects_.end(),
                    [](const Effect& a, const Effect& b) { return a.index() < b.index(); });

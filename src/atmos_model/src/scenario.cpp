@@ -1,6 +1,9 @@
 #include "atmos_model/scenario.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <variant>
 
 namespace atmos {
 
@@ -70,43 +73,177 @@ std::vector<SetPoint> read_set_points(const ConfigMap& root, double latest_s) {
   return set_points;
 }
 
-Scenario load_scenario(const std::string& path) {
-  const ConfigFile file(path);
-  const ConfigMap root = file.root();
-  Scenario scenario;
-  scenario.path = path;
-  scenario.name = root.text("name");
-  scenario.vehicle_path = file.resolve(root.text("vehicle"));
-  scenario.controller_path = file.resolve(root.text("controller"));
-  scenario.duration_s = root.number("duration_s", Bounds::positive());
-  scenario.seed = static_cast<std::uint32_t>(root.integer("seed", 0, 2147483647));
-  scenario.step_s = root.number("step_s", Bounds{0.0, 0.001, true}, 0.001);
-  scenario.start = read_pose(root.map("start"));
-  const double latest_s =
-      root.faulty("duration_s") ? std::numeric_limits<double>::infinity() : scenario.duration_s;
-  scenario.set_points = read_set_points(root, latest_s);
-  scenario.mocap = read_mocap(root.map("mocap"));
-  if (const std::optional<ConfigMap> lab = root.optional_map("lab")) scenario.lab = read_lab(*lab);
+namespace {
 
-  const auto faults_of = [](const auto& read) {
-    try {
-      read();
-    } catch (const ConfigError& error) {
-      return error.faults();
+SupplySettings read_supply(const ConfigMap& map) {
+  SupplySettings supply;
+  supply.open_bottles = map.integer("open_bottles", 1, 100);
+  supply.tethered = map.flag("tethered", false);
+  return supply;
+}
+
+WorldSettings read_world(const ConfigMap& map) {
+  WorldSettings world;
+  if (const auto walls = map.optional_map("walls")) {
+    world.walls = Walls{walls->vector2("min_m"), walls->vector2("max_m")};
+    if (!walls->faulty("min_m") && !walls->faulty("max_m") &&
+        (world.walls->min_m.array() >= world.walls->max_m.array()).any())
+      walls->fault("max_m", "must be greater than min_m on both axes");
+  }
+  for (const ConfigMap& box : map.maps("boxes", false)) {
+    world.boxes.push_back({box.vector2("center_m"), box.vector2("size_m", Bounds::positive()),
+                           box.number("yaw_deg", Bounds::between(-360.0, 360.0), 0.0) * kRadiansPerDegree});
+  }
+  for (const ConfigMap& cylinder : map.maps("cylinders", false))
+    world.cylinders.push_back(
+        {cylinder.vector2("center_m"), cylinder.number("radius_m", Bounds::positive())});
+  world.restitution = map.number("restitution", Bounds::between(0.0, 1.0), world.restitution);
+  world.friction = map.number("friction", Bounds::between(0.0, 10.0), world.friction);
+  return world;
+}
+
+// The gas that leaves bottles makes the robot lighter; what comes through a hose does not.
+void apply_supply(const ConfigMap& map, Scenario& scenario) {
+  if (!scenario.pneumatics || !scenario.vehicle.pneumatics) return;
+  std::vector<Effect>& effects = scenario.effects;
+  const auto depletion = std::find_if(effects.begin(), effects.end(), [](const Effect& effect) {
+    return std::holds_alternative<MassDepletion>(effect);
+  });
+  if (scenario.pneumatics->tethered) {
+    if (depletion != effects.end()) map.fault("pneumatics", "tethered does not go with mass_depletion");
+    const bool pulled = std::any_of(effects.begin(), effects.end(), [](const Effect& effect) {
+      return std::holds_alternative<Tether>(effect);
+    });
+    if (!pulled) map.fault("pneumatics", "tethered needs an effect of the kind tether: its hose pulls");
+    scenario.vehicle.pneumatics->bearing_flow_kg_s = 0.0;
+    effects.push_back(MassDepletion{{}, 0.0});
+  } else if (depletion == effects.end()) {
+    effects.push_back(MassDepletion{});
+  }
+  std::stable_sort(effects.begin(), effects.end(),
+                   [](const Effect& a, const Effect& b) { return a.index() < b.index(); });
+}
+
+// Reads scenarios and the vehicles they name, each vehicle file once, with the faults of them all.
+class FleetReader {
+ public:
+  explicit FleetReader(const ConfigFile& file) : file_(file) {}
+
+  std::vector<Scenario> read() {
+    const ConfigMap root = file_.root();
+    Scenario common;
+    common.path = file_.path();
+    common.name = root.text("name");
+    common.duration_s = root.number("duration_s", Bounds::positive());
+    common.seed = static_cast<std::uint32_t>(root.integer("seed", 0, 2147483647));
+    common.step_s = root.number("step_s", Bounds{0.0, 0.001, true}, 0.001);
+    common.mocap = read_mocap(root.map("mocap"));
+    if (const auto lab = root.optional_map("lab")) common.lab = read_lab(*lab);
+    if (const auto world = root.optional_map("world")) common.world = read_world(*world);
+    latest_s_ = root.faulty("duration_s") ? std::numeric_limits<double>::infinity() : common.duration_s;
+
+    std::vector<Scenario> fleet;
+    if (root.has("robots")) {
+      for (const ConfigMap& robot : root.maps("robots")) {
+        fleet.push_back(common);
+        read_robot(robot, root, fleet.back());
+        fleet.back().seed += static_cast<std::uint32_t>(fleet.size() - 1);
+        read_name(robot, fleet);
+      }
+      if (fleet.empty()) root.fault("robots", "must name at least one robot");
+      for (const char* key : {"vehicle", "controller"}) {
+        if (root.has(key)) root.text(key);  // every robot may have its own
+      }
+      read_effects(root, nullptr);
+      if (const auto supply = root.optional_map("pneumatics")) read_supply(*supply);
+    } else {
+      fleet.push_back(common);
+      read_robot(root, root, fleet.back());
     }
-    return std::vector<ConfigFault>{};
-  };
-  std::vector<ConfigFault> vehicle_faults;
-  if (!root.faulty("vehicle"))
-    vehicle_faults = faults_of([&] { scenario.vehicle = load_vehicle(scenario.vehicle_path); });
-  const bool vehicle_known = !root.faulty("vehicle") && vehicle_faults.empty();
-  scenario.effects = read_effects(root, vehicle_known ? &scenario.vehicle : nullptr);
-  check_causality(root);
+    finish();
+    return fleet;
+  }
 
-  std::vector<ConfigFault> faults = faults_of([&] { file.check(); });
-  faults.insert(faults.end(), vehicle_faults.begin(), vehicle_faults.end());
-  if (!faults.empty()) throw ConfigError(faults);
-  return scenario;
+ private:
+  void read_robot(const ConfigMap& map, const ConfigMap& root, Scenario& scenario) {
+    const auto owner = [&](const char* key) -> const ConfigMap& { return map.has(key) ? map : root; };
+    scenario.vehicle_path = file_.resolve(owner("vehicle").text("vehicle"));
+    scenario.controller_path = file_.resolve(owner("controller").text("controller"));
+    scenario.start = read_pose(map.map("start"));
+    scenario.set_points = read_set_points(map, latest_s_);
+    const bool vehicle_known = !owner("vehicle").faulty("vehicle") && read_vehicle_file(scenario);
+    scenario.effects = read_effects(owner("effects"), vehicle_known ? &scenario.vehicle : nullptr);
+    check_causality(owner("effects"));
+    const ConfigMap& air = owner("pneumatics");
+    const auto supply = air.optional_map("pneumatics");
+    if (!supply) return;
+    scenario.pneumatics = read_supply(*supply);
+    if (!vehicle_known || supply->faulty("open_bottles")) return;
+    if (!scenario.vehicle.pneumatics)
+      air.fault("pneumatics", "needs a vehicle that has pneumatics");
+    else if (scenario.pneumatics->open_bottles > scenario.vehicle.pneumatics->bottles)
+      supply->fault("open_bottles", "must not be more than the vehicle has");
+    apply_supply(air, scenario);
+  }
+
+  // Names are namespaces of nodes and topics.
+  void read_name(const ConfigMap& robot, std::vector<Scenario>& fleet) {
+    std::string& name = fleet.back().robot;
+    name = robot.text("name");
+    if (robot.faulty("name")) return;
+    const bool valid =
+        std::isalpha(static_cast<unsigned char>(name[0])) &&
+        std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) || c == '_'; });
+    if (!valid) robot.fault("name", "must be a letter followed by letters, digits and underscores");
+    if (std::any_of(fleet.begin(), fleet.end() - 1, [&](const Scenario& s) { return s.robot == name; }))
+      robot.fault("name", "is the name of another robot");
+  }
+
+  bool read_vehicle_file(Scenario& scenario) {
+    try {
+      scenario.vehicle = load_vehicle(scenario.vehicle_path);
+      return true;
+    } catch (const ConfigError& error) {
+      for (const ConfigFault& fault : error.faults()) {
+        const auto same = [&](const ConfigFault& f) {
+          return f.file == fault.file && f.line == fault.line && f.key == fault.key;
+        };
+        if (std::none_of(vehicle_faults_.begin(), vehicle_faults_.end(), same))
+          vehicle_faults_.push_back(fault);
+      }
+      return false;
+    }
+  }
+
+  void finish() const {
+    std::vector<ConfigFault> faults;
+    try {
+      file_.check();
+    } catch (const ConfigError& error) {
+      faults = error.faults();
+    }
+    faults.insert(faults.end(), vehicle_faults_.begin(), vehicle_faults_.end());
+    if (!faults.empty()) throw ConfigError(faults);
+  }
+
+  const ConfigFile& file_;
+  double latest_s_ = std::numeric_limits<double>::infinity();
+  std::vector<ConfigFault> vehicle_faults_;
+};
+
+}  // namespace
+
+std::vector<Scenario> read_fleet(const ConfigFile& file) { return FleetReader(file).read(); }
+
+std::vector<Scenario> load_fleet(const std::string& path) { return read_fleet(ConfigFile(path)); }
+
+Scenario load_scenario(const std::string& path, const std::string& robot) {
+  const std::vector<Scenario> fleet = load_fleet(path);
+  if (fleet.front().robot.empty()) return fleet.front();
+  for (const Scenario& scenario : fleet) {
+    if (scenario.robot == robot) return scenario;
+  }
+  throw ConfigError({{path, 0, "robots", "has no robot named '" + robot + "'"}});
 }
 
 }  // namespace atmos

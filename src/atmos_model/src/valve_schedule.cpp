@@ -25,6 +25,7 @@ bool well_formed(const ThrusterCommand& command, std::size_t valves, Actuation a
 ValveSchedule::ValveSchedule(int valve_count, ValveTiming timing, Actuation actuation)
     : timing_(std::move(timing)), actuation_(actuation), commanded_(static_cast<std::size_t>(valve_count)) {
   timing_.dead_since_s.resize(commanded_.size(), kInfinity);
+  timing_.stuck_open_since_s.resize(commanded_.size(), kInfinity);
   for (std::vector<Interval>& intervals : commanded_) intervals.reserve(kReserved);
 }
 
@@ -73,6 +74,10 @@ void ValveSchedule::openings(double t, double* out) const {
   for (std::size_t i = 0; i < commanded_.size(); ++i) {
     out[i] = 0.0;
     if (t >= timing_.dead_since_s[i]) continue;
+    if (t >= timing_.stuck_open_since_s[i]) {
+      out[i] = 1.0;
+      continue;
+    }
     const auto& intervals = commanded_[i];
     // Intervals close in the order in which they open, so that the last one opened by t decides.
     const auto next = first_opening_after(intervals, t);
@@ -89,7 +94,9 @@ std::vector<double> ValveSchedule::openings(double t) const {
 double ValveSchedule::next_edge(double t) const {
   double edge = kInfinity;
   for (std::size_t i = 0; i < commanded_.size(); ++i) {
-    if (timing_.dead_since_s[i] > t) edge = std::min(edge, timing_.dead_since_s[i]);
+    for (const double failure : {timing_.dead_since_s[i], timing_.stuck_open_since_s[i]}) {
+      if (failure > t) edge = std::min(edge, failure);
+    }
     const auto& intervals = commanded_[i];
     const auto opens = first_opening_after(intervals, t);
     if (opens != intervals.end()) edge = std::min(edge, opening(*opens));

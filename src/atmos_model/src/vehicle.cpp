@@ -32,6 +32,34 @@ Thruster read_thruster(const ConfigMap& map) {
   return thruster;
 }
 
+Pneumatics read_pneumatics(const ConfigMap& map) {
+  Pneumatics air;
+  air.bottles = map.integer("bottles", 1, 100);
+  air.bottle_kg = map.number("bottle_kg", Bounds::positive());
+  air.fill_bar = map.number("fill_bar", Bounds::positive());
+  air.inoperable_below_bar = map.number("inoperable_below_bar", Bounds::positive());
+  air.manifold_bar = map.number("manifold_bar", Bounds::positive());
+  air.thruster_bar = map.number("thruster_bar", Bounds::positive());
+  air.bearing_bar = map.number("bearing_bar", Bounds::positive());
+  air.bearing_flow_kg_s = map.number("bearing_flow_kg_s", Bounds::between(0.0, 0.1), 0.0);
+  air.rubbing_friction = map.number("rubbing_friction", Bounds::between(0.0, 1.0));
+  if (air.inoperable_below_bar >= air.fill_bar) map.fault("inoperable_below_bar", "must be below fill_bar");
+  return air;
+}
+
+Battery read_battery(const ConfigMap& map) {
+  Battery battery;
+  battery.cells = map.integer("cells", 1, 100);
+  battery.capacity_ah = map.number("capacity_ah", Bounds::positive());
+  battery.full_cell_v = map.number("full_cell_v", Bounds::positive());
+  battery.empty_cell_v = map.number("empty_cell_v", Bounds::positive());
+  battery.resistance_ohm = map.number("resistance_ohm", Bounds::non_negative());
+  battery.idle_w = map.number("idle_w", Bounds::non_negative());
+  battery.actuator_w = map.number("actuator_w", Bounds::non_negative());
+  if (battery.empty_cell_v >= battery.full_cell_v) map.fault("empty_cell_v", "must be below full_cell_v");
+  return battery;
+}
+
 }  // namespace
 
 Vehicle read_vehicle(const ConfigMap& root) {
@@ -47,12 +75,20 @@ Vehicle read_vehicle(const ConfigMap& root) {
   if (vehicle.pwm.min_on_time_s > vehicle.pwm.period_s)
     pwm.fault("min_on_time_s", "must not be longer than period_s");
 
-  for (const ConfigMap& thruster : map.maps("thrusters"))
-    vehicle.thrusters.push_back(read_thruster(thruster));
-  if (map.has("thrusters") && vehicle.thrusters.empty())
-    map.fault("thrusters", "must name at least one thruster");
+  const bool propellers = map.has("propellers");
+  const std::string actuators = propellers ? "propellers" : "thrusters";
+  if (propellers) {
+    vehicle.actuation = Actuation::kContinuous;
+    vehicle.motor_time_constant_s = map.number("motor_time_constant_s", Bounds::between(0.0, 0.5));
+    if (map.has("thrusters")) {
+      map.skip("thrusters");
+      map.fault("thrusters", "must not stand beside propellers: one actuation plate is mounted at a time");
+    }
+  }
+  for (const ConfigMap& actuator : map.maps(actuators)) vehicle.thrusters.push_back(read_thruster(actuator));
+  if (map.has(actuators) && vehicle.thrusters.empty()) map.fault(actuators, "must name at least one");
   if (vehicle.thrusters.size() > static_cast<std::size_t>(kMaxThrusters))
-    map.fault("thrusters", "must not name more than " + std::to_string(kMaxThrusters) + " thrusters");
+    map.fault(actuators, "must not name more than " + std::to_string(kMaxThrusters));
 
   vehicle.bearings_m = default_bearings();
   if (map.has("bearings_m")) {
@@ -64,6 +100,8 @@ Vehicle read_vehicle(const ConfigMap& root) {
   }
   vehicle.radius_m = map.number("radius_m", Bounds::positive(), 0.2);
   vehicle.height_m = map.number("height_m", Bounds::positive(), 0.5);
+  if (const auto air = map.optional_map("pneumatics")) vehicle.pneumatics = read_pneumatics(*air);
+  if (const auto battery = map.optional_map("battery")) vehicle.battery = read_battery(*battery);
   return vehicle;
 }
 

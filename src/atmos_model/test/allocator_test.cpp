@@ -351,5 +351,30 @@ TEST(Allocator, AllocatesNoMemoryInControlLoops) {
   EXPECT_EQ(g_allocations, before);
 }
 
+// The propeller plate: 3.92 N on each axis and 0.67 N m (paper), in both senses, with duties of either sign.
+TEST(Allocator, PropellersPushBothWays) {
+  const Vehicle vehicle = load_vehicle(shipped("config/vehicle/atmos_propeller.yaml"));
+  const Allocator allocator(vehicle);
+  EXPECT_NEAR(allocator.max_wrench()[0], 3.92, 1e-9);
+  EXPECT_NEAR(allocator.max_wrench()[1], 3.92, 1e-9);
+  EXPECT_NEAR(allocator.max_wrench()[2], 0.67, 1e-3);
+  const Eigen::Matrix<double, 3, Eigen::Dynamic> B = columns(vehicle);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  for (int i = 0; i < 500; ++i) {
+    const Eigen::Vector4d duty(any(random), any(random), any(random), any(random));
+    const BodyWrench wrench = B * duty;
+    const Allocation allocation = allocator.allocate(wrench);
+    EXPECT_NEAR(allocation.scale, 1.0, 1e-9);
+    ASSERT_EQ(allocation.duty.size(), 4u);
+    const Eigen::Vector4d got(allocation.duty.data());
+    EXPECT_LE(got.cwiseAbs().maxCoeff(), 1.0);
+    EXPECT_LE(got.norm(), duty.norm() + 1e-9);
+    EXPECT_LT((B * got - wrench).norm(), 1e-7);
+    EXPECT_LT((allocation.achieved - wrench).norm(), 1e-7);
+  }
+  EXPECT_NEAR(allocator.allocate({-39.2, 0.0, 0.0}).duty[0], -1.0, 1e-9);
+}
+
 }  // namespace
 }  // namespace atmos

@@ -77,6 +77,31 @@ TEST(EffectLaw, thruster_dead) {
   EXPECT_EQ(Lab({ThrusterDead{{}, 3, 0.0}}).plant.properties().timing.dead_since_s[2], 0.0);
 }
 
+TEST(EffectLaw, thruster_weak_since) {
+  Lab lab({ThrusterWeakSince{{}, 1, kStart + 1.0, 0.4}, ThrusterWeakSince{{}, 3, 0.0, 0.5},
+           ThrusterLeak{{}, 2, 0.1}});
+  lab.command(open({1, 3}), 4.0);
+  const double leak = 0.1 * kForce;
+  EXPECT_NEAR(lab.fly(1.0).body.v_WC.x(), 0.0, 0.2);
+  EXPECT_NEAR(lab.wrench(open({1, 3}), {}, 0.999).force_W.x(), 1.5 * kForce - leak, 1e-12);
+  EXPECT_NEAR(lab.wrench(open({1, 3}), {}, 1.0).force_W.x(), 0.9 * kForce - leak, 1e-12);
+  // Torque (1 at +y pushes clockwise, 3 the other way, the leak of 2 too) gives the exact spin over the
+  // failure.
+  const double before = (-1.0 + 0.5 + 0.1) * kForce * kLever, after = (-0.4 + 0.5 + 0.1) * kForce * kLever;
+  EXPECT_NEAR(lab.fly(2.0).body.yaw_rate, (before + after) / kInertia, 1e-6);
+}
+
+TEST(EffectLaw, thruster_stuck_open) {
+  Lab lab({SupplyCoupling{{}, 0.125}, ThrusterStuckOpen{{}, 3, kStart + 1.0}});
+  lab.command(open({1}), 4.0);
+  const PlantState end = lab.fly(2.0);
+  EXPECT_NEAR(end.hidden[0], 0.0035 * (2.0 + 1.0), 1e-9);
+  EXPECT_NEAR(end.body.yaw_rate, -kForce * kLever / kInertia * 1.0, 1e-6);
+  // Without any command too; a dead valve stays shut.
+  EXPECT_NEAR(Lab({ThrusterStuckOpen{{}, 3, 0.0}}).fly(1.0).hidden[0], 0.0035, 1e-9);
+  EXPECT_EQ(Lab({ThrusterStuckOpen{{}, 3, 0.0}, ThrusterDead{{}, 3, 0.0}}).fly(1.0).hidden[0], 0.0);
+}
+
 TEST(EffectLaw, command_delay) {
   Lab lab({CommandDelay{{}, 0.25}});
   lab.command(open({1, 3}), 1.0);
@@ -161,6 +186,14 @@ TEST(EffectLaw, thruster_leak) {
   EXPECT_NEAR(lab.thrust(2, open({})), leak * 0.7 * (1 - 0.2 * 0.3), 1e-12);
   EXPECT_EQ(lab.plant.rate<double>(kStart, {}, lab.hidden, open({})).hidden[0], 0.0);
   EXPECT_NEAR(lab.wrench(open({})).torque, leak * 0.7 * (1 - 0.2 * 0.3) * kLever, 1e-12);
+}
+
+TEST(EffectLaw, thruster_leak_since) {
+  const Lab lab({ThrusterLeakSince{{}, 2, kStart + 1.0, 0.1}});
+  EXPECT_EQ(lab.fly(1.0).body.v_WC.norm(), 0.0);
+  EXPECT_NEAR(lab.fly(1.5).body.yaw_rate, 0.1 * kForce * kLever / kInertia * 0.5, 1e-9);
+  EXPECT_NEAR(lab.wrench(open({}), {}, 1.0).force_W.x(), -0.1 * kForce, 1e-12);
+  EXPECT_EQ(lab.fly(1.5).hidden[0], 0.0);
 }
 
 TEST(EffectLaw, thruster_misalignment) {
@@ -359,6 +392,21 @@ TEST(EffectLaw, coulomb_friction) {
   EXPECT_LT(lab.wrench(open({}), spinning).force_W.norm(), 1e-9);
   // It stops and stays.
   EXPECT_LT(lab.fly(8.0, straight).body.v_WC.norm(), 1e-6);
+}
+
+TEST(EffectLaw, bearing_down) {
+  const Lab lab({BearingDown{{}, 1, kStart + 1.0, 0.01}});
+  PlanarState<double> state;
+  state.v_WC = {1.0, 0.0};
+  EXPECT_EQ(lab.wrench(open({}), state, 0.999).force_W.norm(), 0.0);
+  // Bearing 1 stands at 90 degrees.
+  const double rub = 0.01 * kMass * 9.81 / 3;
+  EXPECT_NEAR(lab.wrench(open({}), state, 1.0).force_W.x(), -rub, 1e-5);
+  EXPECT_NEAR(lab.wrench(open({}), state, 1.0).torque, 0.15 * rub, 1e-6);
+  // All three stop it as friction does.
+  const Lab down(
+      {BearingDown{{}, 1, 0.0, 0.01}, BearingDown{{}, 2, 0.0, 0.01}, BearingDown{{}, 3, 0.0, 0.01}});
+  EXPECT_NEAR(down.fly(2.0, state).body.v_WC.x(), 1.0 - 0.01 * 9.81 * 2.0, 1e-4);
 }
 
 TEST(EffectLaw, friction_patch) {

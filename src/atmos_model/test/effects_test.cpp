@@ -218,7 +218,7 @@ TEST(Effects, AThrusterOrMassTheVehicleDoesNotHaveIsAFault) {
     EXPECT_THROW(Plant(vehicle, effects_from("effects:\n" + entry(kind, "thruster", "9")), kStart),
                  std::invalid_argument);
   }
-  EXPECT_EQ(checked, 4);
+  EXPECT_EQ(checked, 7);
   const auto slosh = faults_for_vehicle(
       "effects:\n  - kind: slosh\n    parameters: {mass_kg: 8.5, frequency_hz: 1, damping_ratio: 0, x_m: 0, "
       "y_m: "

@@ -175,7 +175,7 @@ TEST(ShippedConfiguration, EveryVehicleAndScenarioLoads) {
     ++vehicles;
   }
   for (const auto& file : std::filesystem::directory_iterator(shipped("config/scenario"))) {
-    EXPECT_NO_THROW(load_scenario(file.path().string())) << file.path();
+    EXPECT_NO_THROW(load_fleet(file.path().string())) << file.path();
     ++scenarios;
   }
   EXPECT_GE(vehicles, 1);

@@ -43,7 +43,7 @@ Vehicle vehicle_from(const YAML::Node& root) {
 TEST(Vehicle, EveryMutatedCopyIsRefusedWithTheRightKey) {
   const YAML::Node original = YAML::LoadFile(shipped("config/vehicle/atmos.yaml"));
   ASSERT_NO_THROW(vehicle_from(original));
-  const std::vector<Mutation> mutations = every_mutation(original, {});
+  const std::vector<Mutation> mutations = every_mutation(original, {"vehicle.pneumatics", "vehicle.battery"});
   EXPECT_GT(mutations.size(), 90u);
   for (const Mutation& mutation : mutations)
     expect_refused(mutation, [](const YAML::Node& root) { vehicle_from(root); });

@@ -23,6 +23,7 @@ bool is_attitude(const Quaternion4<double>& q) { return std::abs(q.norm() - 1.0)
 // rate of a robot with attitude q_WB whose valves repeat `duty`.
 Eigen::Matrix<double, 6, 1> pulse_velocity(const Vehicle& vehicle, const AllocationMatrices& thrusters,
                                            const std::vector<double>& duty, const Quaternion4<double>& q_WB) {
+  if (vehicle.actuation == Actuation::kContinuous) return Eigen::Matrix<double, 6, 1>::Zero();
   Vec3<double> impulse = Vec3<double>::Zero(), turn = Vec3<double>::Zero();
   for (std::size_t i = 0; i < duty.size(); ++i) {
     const double push =
@@ -44,7 +45,7 @@ Controller::Controller(const Vehicle& vehicle, const ControllerConfig& config, b
       thrusters_(thruster_matrices(vehicle)),
       allocator_(vehicle),
       law_(make_control_law(vehicle, config, !lockstep, std::move(stopwatch))),
-      commands_(static_cast<int>(vehicle.thrusters.size())) {
+      commands_(static_cast<int>(vehicle.thrusters.size()), {}, vehicle.actuation) {
   if (config.observer) observer_.emplace(vehicle, *config.observer);
   if (lockstep) config_.lead_s = 0.0;
   decision_.command.duty.reserve(vehicle.thrusters.size());

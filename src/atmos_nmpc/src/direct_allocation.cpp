@@ -29,7 +29,10 @@ void duties_from_pairs(const Vehicle& vehicle, const std::vector<ThrusterPair>& 
     const auto& pair = pairs[static_cast<std::size_t>(j)];
     const auto thruster = static_cast<std::size_t>(u[j] > 0.0 ? pair.positive : pair.negative);
     const double share = std::min(1.0, std::abs(u[j]) / vehicle.thrusters[thruster].force_n);
-    if (share * vehicle.pwm.period_s >= vehicle.pwm.min_on_time_s) duty[thruster] = share;
+    if (vehicle.actuation == Actuation::kContinuous)
+      duty[thruster] = std::copysign(share, u[j]);
+    else if (share * vehicle.pwm.period_s >= vehicle.pwm.min_on_time_s)
+      duty[thruster] = share;
   }
 }
 

@@ -1,6 +1,7 @@
-// Publishes the set-points of a scenario (~scenario) or of a sequence file (~sequence) on `setpoint`.
-// The flight starts at the first valid ROS time. Only then is the topic advertised: who waits for the
-// connection knows that the start has been taken.
+// Publishes the set-points of a scenario (~scenario; of a scenario with several robots those of the robot
+// with the name of the namespace) or of a sequence file (~sequence) on `setpoint`. The flight starts at the
+// first valid ROS time. Only then is the topic advertised: who waits for the connection knows that the start
+// has been taken.
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
 
@@ -21,7 +22,10 @@ geometry_msgs::PoseStamped to_message(const atmos::StampedSetPoint& point) {
 std::vector<atmos::SetPoint> load(const ros::NodeHandle& private_node) {
   if (private_node.hasParam("sequence"))
     return atmos::load_sequence(atmos::required_parameter<std::string>(private_node, "sequence"));
-  return atmos::load_scenario(atmos::required_parameter<std::string>(private_node, "scenario")).set_points;
+  const std::string space = ros::this_node::getNamespace();
+  return atmos::load_scenario(atmos::required_parameter<std::string>(private_node, "scenario"),
+                              space.substr(space.rfind('/') + 1))
+      .set_points;
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ std::string text(const char* format, double a, double b = 0.0) {
 FlightController::FlightController(const Vehicle& vehicle, const FlightControllerConfig& config,
                                    Pacing pacing)
     : thruster_count_(vehicle.thrusters.size()),
+      actuation_(vehicle.actuation),
       allocator_(vehicle),
       rate_(config.rate),
       pwm_(vehicle.pwm),
@@ -42,8 +43,10 @@ std::string FlightController::fault_in(const ThrusterCommand& command, double no
   for (std::size_t i = 0; i < command.duty.size(); ++i) {
     const double number = static_cast<double>(i + 1);
     if (!std::isfinite(command.duty[i])) return text("malformed command: duty %.0f is not finite", number);
-    if (command.duty[i] < 0.0 || command.duty[i] > 1.0)
+    if (actuation_ == Actuation::kOnOff && (command.duty[i] < 0.0 || command.duty[i] > 1.0))
       return text("malformed command: duty %.0f is %g, outside [0, 1]", number, command.duty[i]);
+    if (std::abs(command.duty[i]) > 1.0)
+      return text("malformed command: duty %.0f is %g, outside [-1, 1]", number, command.duty[i]);
   }
   // Written so that a NaN fails.
   if (!(std::abs(command.period_s - pwm_.period_s) <= kSameInstant))
@@ -126,9 +129,11 @@ std::optional<ValveOrder> FlightController::take(const ThrusterCommand& command,
   ThrusterCommand sent = command;
   const double longest =
       lockstep ? 1.0 : (odometry_stamp_ + kOdometryLimit_s - command.stamp_s) / pwm_.period_s;
-  for (double& duty : sent.duty) {
-    duty = std::min(duty, longest);
-    if (duty * pwm_.period_s < pwm_.min_on_time_s - kSameInstant) duty = 0.0;
+  if (actuation_ == Actuation::kOnOff) {
+    for (double& duty : sent.duty) {
+      duty = std::min(duty, longest);
+      if (duty * pwm_.period_s < pwm_.min_on_time_s - kSameInstant) duty = 0.0;
+    }
   }
   return order(std::move(sent), {});
 }

@@ -15,7 +15,7 @@ Options read_options(const ros::NodeHandle& node) {
   const auto read = [&](const char* key, auto& value) {
     if (node.hasParam(key) && !node.getParam(key, value)) fault(key, "is of the wrong type");
   };
-  Options options{load_scenario(required_parameter<std::string>(node, "scenario")), true, 1.0, 20.0, {}, ""};
+  Options options{load_fleet(required_parameter<std::string>(node, "scenario")), true, 1.0, 20.0, {}, ""};
   std::string clock = "lockstep";
   std::string wait_for;
   read("clock", clock);
@@ -28,10 +28,15 @@ Options read_options(const ros::NodeHandle& node) {
   if (clock != "lockstep" && clock != "real") fault("clock", "must be one of lockstep, real");
   if (!(options.speed > 0.0) || std::isinf(options.speed)) fault("speed", "must be > 0");
   if (!(options.answer_limit_s > 0.0)) fault("answer_limit_s", "must be > 0");
-  const double frames_per_period = options.scenario.mocap.rate_hz * options.scenario.vehicle.pwm.period_s;
+  const Scenario& first = options.fleet.front();
+  for (const Scenario& scenario : options.fleet) {
+    if (scenario.vehicle.pwm.period_s != first.vehicle.pwm.period_s)
+      faults.push_back({first.path, 0, "robots", "must all have the same pwm.period_s to fly together"});
+  }
+  const double frames_per_period = first.mocap.rate_hz * first.vehicle.pwm.period_s;
   if (options.lockstep && std::abs(frames_per_period - std::round(frames_per_period)) > 1e-6) {
     faults.push_back(
-        {options.scenario.path, 0, "mocap.rate_hz",
+        {first.path, 0, "mocap.rate_hz",
          "must give a whole number of frames per PWM period in lockstep: the answer is waited for there"});
   }
   if (!faults.empty()) throw ConfigError(faults);

@@ -13,10 +13,10 @@ namespace atmos {
 
 // See launch/sim.launch for what they mean to a user.
 struct Options {
-  Scenario scenario;
-  bool lockstep;          // clock: lockstep, or real
-  double speed;           // real clock only: ROS seconds per wall second
-  double answer_limit_s;  // wall clock
+  std::vector<Scenario> fleet;  // robots of the scenario, at least one
+  bool lockstep;                // clock: lockstep, or real
+  double speed;                 // real clock only: ROS seconds per wall second
+  double answer_limit_s;        // wall clock
   std::vector<Connection> wait_for;
   std::string summary;  // file to write at the end; empty: none
 };

@@ -1,8 +1,5 @@
-// The simulator as a node: mocap frames, truth and the clock out, thruster commands in (docs/architecture.md,
-// "Lockstep").
-#include <atmos_msgs/ThrusterCommand.h>
-#include <geometry_msgs/PoseStamped.h>
-#include <nav_msgs/Odometry.h>
+// The simulator as a node: for every robot mocap frames, truth, air and battery out and thruster commands in,
+// in the robot's namespace, and one clock (docs/architecture.md, "Lockstep").
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <rosgraph_msgs/Clock.h>
@@ -10,28 +7,28 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <deque>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
-#include "atmos_sim/mocap_sensor.h"
 #include "atmos_sim/simulation.h"
 #include "connections.h"
 #include "options.h"
+#include "robot_topics.h"
 
 namespace atmos {
 namespace {
 
 constexpr double kStart = 1000.0;        // t0, ROS time
 constexpr double kTruthRate = 100.0;     // Hz
+constexpr double kSupplyRate = 10.0;     // Hz of air and battery
 constexpr double kClockRate = 250.0;     // Hz of ROS time in real time, besides the frames
 constexpr double kProgressPeriod = 5.0;  // s of ROS time
 constexpr double kSameInstant = 1e-6;    // s: above the rounding of a stamp, far below a frame
-constexpr int kQueue = 10000;            // messages: nothing may be lost at many times real time
+constexpr int kClockQueue = 10000;       // messages: nothing may be lost at many times real time
 
 // Whole multiples of a period in ROS time.
 class Beat {
@@ -47,27 +44,34 @@ class Beat {
   double count_;
 };
 
+// A fleet's robots have namespaces of their own below the node's; a robot alone has the node's.
+std::string alone_name(const Scenario& scenario) {
+  const std::string space = ros::this_node::getNamespace();
+  const std::string robot = space.substr(space.rfind('/') + 1);
+  return robot.empty() ? scenario.vehicle.name : robot;
+}
+
 class SimNode {
  public:
   explicit SimNode(Options options)
       : options_(std::move(options)),
-        end_s_(kStart + options_.scenario.duration_s),
-        simulation_(options_.scenario, kStart),
-        mocap_(options_.scenario.mocap, options_.scenario.seed, kStart),
-        period_(options_.scenario.vehicle.pwm.period_s, kStart),
+        end_s_(kStart + options_.fleet.front().duration_s),
+        simulation_(options_.fleet, kStart),
+        period_(options_.fleet.front().vehicle.pwm.period_s, kStart),
         truth_beat_(1.0 / kTruthRate, kStart),
+        supply_beat_(1.0 / kSupplyRate, kStart),
         clock_beat_(1.0 / kClockRate, kStart),
         progress_beat_(kProgressPeriod, kStart + kProgressPeriod) {
-    const std::string robot =
-        ros::this_node::getNamespace().substr(ros::this_node::getNamespace().rfind('/') + 1);
-    base_frame_ = base_frame(robot.empty() ? options_.scenario.vehicle.name : robot);
     // Latched in lockstep, where time stands still until a node that came late has answered. In real time the
     // next tick follows at once, and a latched one may overtake it: time would run back for that node.
-    clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", kQueue, options_.lockstep);
-    pose_ = node_.advertise<geometry_msgs::PoseStamped>("mocap/pose", kQueue);
-    truth_ = node_.advertise<nav_msgs::Odometry>("sim/truth", kQueue);
-    commands_ =
-        node_.subscribe("thruster_command", kQueue, &SimNode::take, this, ros::TransportHints().tcpNoDelay());
+    clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", kClockQueue, options_.lockstep);
+    for (std::size_t i = 0; i < simulation_.size(); ++i) {
+      const Scenario& scenario = options_.fleet[i];
+      const std::string& name = scenario.robot;
+      robots_.push_back(std::make_unique<RobotTopics>(name.empty() ? node_ : ros::NodeHandle(node_, name),
+                                                      name.empty() ? alone_name(scenario) : name, scenario,
+                                                      simulation_.robot(i), kStart, [this] { catch_up(); }));
+    }
   }
 
   // Flies the scenario; the exit code.
@@ -78,19 +82,22 @@ class SimNode {
     while (ros::ok()) {
       if (!reach_next_event()) break;
       const double now = simulation_.time_s();
-      const bool frame_due = mocap_.next_frame_s() <= now + kSameInstant;
+      const bool frame_due = next_frame_s() <= now + kSameInstant;
       if (frame_due || clock_beat_.due(now) || (options_.lockstep && period_.due(now))) publish_clock(now);
       while (clock_beat_.due(now)) clock_beat_.pass();
-      if (frame_due) frames_.push_back({now + publish_delay(), mocap_.expose(simulation_)});
-      while (!frames_.empty() && frames_.front().publish_s <= now + kSameInstant) {
-        publish_frame(frames_.front().frame);
-        frames_.pop_front();
+      const bool truth_due = truth_beat_.due(now), supply_due = supply_beat_.due(now);
+      for (const auto& robot : robots_) {
+        if (frame_due) robot->expose(now, publish_delay());
+        robot->publish_frames(now);
+        if (truth_due) robot->publish_truth(now);
+        if (supply_due) robot->publish_supplies(now);
       }
-      if (truth_beat_.due(now)) publish_truth(now);
+      if (truth_due) truth_beat_.pass();
+      if (supply_due) supply_beat_.pass();
       if (progress_beat_.due(now)) report_progress(now);
       if (now >= end_s_ - kSameInstant) return finish();
       if (period_.due(now)) {
-        if (options_.lockstep && !wait_for_answer(period_.next())) return ros::ok() ? 1 : 0;
+        if (options_.lockstep && !wait_for_answers(period_.next())) return ros::ok() ? 1 : 0;
         period_.pass();
       }
     }
@@ -98,19 +105,18 @@ class SimNode {
   }
 
  private:
-  struct PendingFrame {
-    double publish_s;
-    MocapFrame frame;
-  };
-
-  double publish_delay() const { return options_.lockstep ? 0.0 : options_.scenario.mocap.publish_delay_s; }
+  double publish_delay() const {
+    return options_.lockstep ? 0.0 : options_.fleet.front().mocap.publish_delay_s;
+  }
   double wall_elapsed() const { return (ros::WallTime::now() - wall_start_).toSec(); }
   void spin_for(double wall_s) { ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(wall_s)); }
+  // All robots are seen by the same cameras.
+  double next_frame_s() const { return robots_.front()->next_frame_s(); }
 
   double next_event() const {
-    double next = std::min({end_s_, mocap_.next_frame_s(), truth_beat_.next(), period_.next()});
+    double next = std::min({end_s_, next_frame_s(), truth_beat_.next(), supply_beat_.next(), period_.next(),
+                            robots_.front()->next_publication_s()});
     if (!options_.lockstep) next = std::min(next, clock_beat_.next());
-    if (!frames_.empty()) next = std::min(next, frames_.front().publish_s);
     return next;
   }
 
@@ -129,16 +135,10 @@ class SimNode {
     return true;
   }
 
-  void take(const atmos_msgs::ThrusterCommand& message) {
-    // In real time a command acts from the moment it arrives, not from the last event before.
+  // In real time a command acts from the moment it arrives, not from the last event before.
+  void catch_up() {
     if (!options_.lockstep && flying_)
       simulation_.advance_to(std::min(target_s_, kStart + wall_elapsed() * options_.speed));
-    const ThrusterCommand command = from_message(message);
-    const ValveSchedule::Taken taken = simulation_.command(command);
-    newest_stamp_ = std::max(newest_stamp_, command.stamp_s);
-    ++taken_[static_cast<int>(taken)];
-    if (taken == ValveSchedule::Taken::kMalformed)
-      ROS_WARN_THROTTLE(1.0, "malformed command on %s ignored", commands_.getTopic().c_str());
   }
 
   bool wait_for_connections() {
@@ -160,15 +160,17 @@ class SimNode {
     return false;
   }
 
-  bool wait_for_answer(double stamp_s) {
+  bool wait_for_answers(double stamp_s) {
     const ros::WallTime limit = ros::WallTime::now() + ros::WallDuration(options_.answer_limit_s);
-    while (newest_stamp_ < stamp_s - kSameInstant) {
-      spin_for(0.05);
-      if (!ros::ok()) return false;
-      if (ros::WallTime::now() > limit) {
-        std::fprintf(stderr, "sim: no answer for %.3g s: topic %s has no message stamped %.3f\n",
-                     options_.answer_limit_s, commands_.getTopic().c_str(), stamp_s);
-        return false;
+    for (const auto& robot : robots_) {
+      while (robot->newest_stamp_s() < stamp_s - kSameInstant) {
+        spin_for(0.05);
+        if (!ros::ok()) return false;
+        if (ros::WallTime::now() > limit) {
+          std::fprintf(stderr, "sim: no answer for %.3g s: topic %s has no message stamped %.3f\n",
+                       options_.answer_limit_s, robot->command_topic().c_str(), stamp_s);
+          return false;
+        }
       }
     }
     return true;
@@ -180,52 +182,30 @@ class SimNode {
     clock_.publish(message);
   }
 
-  void publish_frame(const MocapFrame& frame) {
-    geometry_msgs::PoseStamped message;
-    message.header.stamp.fromSec(frame.stamp_s);
-    message.header.frame_id = kWorldFrame;
-    message.pose = planar_pose(frame.pose.p_W.x(), frame.pose.p_W.y(), frame.pose.yaw);
-    if (std::isnan(frame.pose.yaw)) {
-      const double nan = std::numeric_limits<double>::quiet_NaN();
-      message.pose.position.z = message.pose.orientation.x = message.pose.orientation.y = nan;
-    }
-    pose_.publish(message);
-  }
-
-  void publish_truth(double now) {
-    truth_beat_.pass();
-    const PlanarState<double> truth = simulation_.truth();
-    const Vec2<double> v_B = rotation_WB(truth.yaw).transpose() * truth.v_WC;
-    nav_msgs::Odometry message;
-    message.header.stamp.fromSec(now);
-    message.header.frame_id = kWorldFrame;
-    message.child_frame_id = base_frame_;
-    message.pose.pose = planar_pose(truth.p_WC.x(), truth.p_WC.y(), truth.yaw);
-    message.twist.twist.linear.x = v_B.x();
-    message.twist.twist.linear.y = v_B.y();
-    message.twist.twist.angular.z = truth.yaw_rate;
-    truth_.publish(message);
-  }
-
   void report_progress(double now) {
     progress_beat_.pass();
     const double flown = now - kStart;
-    std::printf("sim: t = %.0f / %.0f s, %.1f x real time\n", flown, options_.scenario.duration_s,
-                flown / wall_elapsed());
+    std::printf("sim: t = %.0f / %.0f s, %.1f x real time\n", flown, end_s_ - kStart, flown / wall_elapsed());
     std::fflush(stdout);
   }
 
   int finish() {
     const double wall_s = wall_elapsed();
     const double flight_s = simulation_.time_s() - kStart;
-    std::printf("sim: flight over: commands %lu in time, %lu late, %lu expired, %lu malformed\n", taken_[0],
-                taken_[1], taken_[2], taken_[3]);
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      const std::string& name = options_.fleet[i].robot;
+      const auto& taken = robots_[i]->counts().taken;
+      std::printf("sim: flight over%s%s: commands %lu in time, %lu late, %lu expired, %lu malformed\n",
+                  name.empty() ? "" : ", ", name.c_str(), taken[0], taken[1], taken[2], taken[3]);
+    }
+    if (robots_.size() > 1) std::printf("sim: steps with a contact: %lu\n", simulation_.contacts());
     std::fflush(stdout);
     if (!options_.summary.empty()) {
       const nlohmann::json summary = {{"realtime_factor", flight_s / wall_s},
                                       {"flight_s", flight_s},
                                       {"wall_s", wall_s},
-                                      {"steps", simulation_.steps()}};
+                                      {"steps", simulation_.steps()},
+                                      {"contacts", simulation_.contacts()}};
       std::ofstream file(options_.summary);
       file << summary.dump(2) << "\n";
       if (!file.flush()) {
@@ -240,18 +220,13 @@ class SimNode {
   Options options_;
   double end_s_;
   Simulation simulation_;
-  MocapSensor mocap_;
-  Beat period_, truth_beat_, clock_beat_, progress_beat_;
-  std::deque<PendingFrame> frames_;
-  std::string base_frame_;
+  Beat period_, truth_beat_, supply_beat_, clock_beat_, progress_beat_;
   ros::NodeHandle node_;
-  ros::Publisher clock_, pose_, truth_;
-  ros::Subscriber commands_;
+  ros::Publisher clock_;
+  std::vector<std::unique_ptr<RobotTopics>> robots_;
   ros::WallTime wall_start_;
   bool flying_ = false;
   double target_s_ = kStart;
-  double newest_stamp_ = -std::numeric_limits<double>::infinity();
-  std::uint64_t taken_[4] = {};  // by ValveSchedule::Taken
 };
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <random>
 
+#include "atmos_sim/simulation.h"
+
 namespace atmos {
 
 namespace {
@@ -45,14 +47,15 @@ BatchResult run_batch(const Scenario& scenario, const std::vector<ThrusterComman
   MocapSensor mocap(scenario.mocap, scenario.seed, start_s);
   BatchResult result;
   for (const ThrusterCommand& command : commands) {
-    const ValveSchedule::Taken taken = simulation.command(command);
+    const ValveSchedule::Taken taken = simulation.robot().command(command);
     if (taken == ValveSchedule::Taken::kExpired || taken == ValveSchedule::Taken::kMalformed)
       ++result.unused_commands;
   }
   const double end_s = start_s + scenario.duration_s;
   while (mocap.next_frame_s() <= end_s + kSameInstant) {
     simulation.advance_to(mocap.next_frame_s());
-    result.rows.push_back({simulation.time_s(), simulation.truth(), mocap.expose(simulation)});
+    result.rows.push_back(
+        {simulation.time_s(), simulation.robot().truth(), mocap.expose(simulation.robot())});
   }
   result.steps = simulation.steps();
   return result;

@@ -42,11 +42,11 @@ Vec2<double> MocapSensor::distortion(const Vec2<double>& p_W) const {
   return sum;
 }
 
-MocapFrame MocapSensor::expose(const Simulation& simulation) {
+MocapFrame MocapSensor::expose(const Robot& robot) {
   const double due = next_frame_s();
   ++frame_;
-  assert(std::abs(simulation.time_s() - due) < kSameInstant);
-  const PlantProperties& plant = simulation.plant().properties();
+  assert(std::abs(robot.time_s() - due) < kSameInstant);
+  const PlantProperties& plant = robot.plant().properties();
 
   // Always the same draws, whatever becomes of the frame.
   const Vec2<double> noise_W = settings_.noise_m * normal_pair(random_);
@@ -70,7 +70,7 @@ MocapFrame MocapSensor::expose(const Simulation& simulation) {
     frame.pose.yaw = std::numeric_limits<double>::quiet_NaN();
     return frame;
   }
-  const PlanarState<double> measured = simulation.plant().measured(simulation.center_of_mass_at(shown));
+  const PlanarState<double> measured = robot.plant().measured(robot.center_of_mass_at(shown));
   frame.pose.p_W = measured.p_WC + distortion(measured.p_WC) + noise_W;
   frame.pose.yaw = measured.yaw + noise_yaw;
   return frame;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "atmos_model/allocator.h"
+#include "atmos_sim/simulation.h"
 
 namespace atmos {
 
@@ -60,6 +61,7 @@ double limited(double error) { return std::clamp(error, -kFarthest, kFarthest); 
 
 PilotedFlight fly_piloted(const Scenario& scenario, const PilotGains& gains, double start_s) {
   Simulation simulation(scenario, start_s);
+  Robot& robot = simulation.robot();
   MocapSensor mocap(scenario.mocap, scenario.seed, start_s);
   const Allocator allocator(scenario.vehicle);
   const double mass = scenario.vehicle.mass_kg, inertia = scenario.vehicle.inertia_kg_m2.z();
@@ -75,9 +77,9 @@ PilotedFlight fly_piloted(const Scenario& scenario, const PilotGains& gains, dou
   const auto frames_until = [&](double until_s) {
     while (mocap.next_frame_s() <= until_s + kSameInstant) {
       simulation.advance_to(mocap.next_frame_s());
-      const double instant = simulation.time_s() - simulation.plant().properties().mocap_latency_s;
-      const PlanarState<double> shown = simulation.plant().measured(simulation.center_of_mass_at(instant));
-      flight.rows.push_back({{simulation.time_s(), simulation.truth(), mocap.expose(simulation)}, shown});
+      const double instant = simulation.time_s() - robot.plant().properties().mocap_latency_s;
+      const PlanarState<double> shown = robot.plant().measured(robot.center_of_mass_at(instant));
+      flight.rows.push_back({{simulation.time_s(), robot.truth(), mocap.expose(robot)}, shown});
     }
     simulation.advance_to(until_s);
   };
@@ -100,7 +102,7 @@ PilotedFlight fly_piloted(const Scenario& scenario, const PilotGains& gains, dou
     for (double& duty : command.duty) {
       if (duty * period_s < kShortest) duty = 0.0;
     }
-    simulation.command(command);
+    robot.command(command);
     flight.commands.push_back(std::move(command));
     acceleration.head<2>() = R_WB * allocation.achieved.head<2>() / mass;
     acceleration.z() = allocation.achieved.z() / inertia;

@@ -26,15 +26,15 @@ void fly(const Scenario& scenario, const std::vector<ThrusterCommand>& commands,
          const std::vector<ReplayStart>& starts, const std::vector<std::size_t>& windows, int rows,
          std::vector<std::vector<ReplayedPose>>& out) {
   Simulation simulation(scenario, begin_s);
-  for (const ThrusterCommand& command : commands) simulation.command(command);
-  const Plant& plant = simulation.plant();
+  for (const ThrusterCommand& command : commands) simulation.robot().command(command);
+  const Plant& plant = simulation.robot().plant();
   for (const std::size_t w : windows) {
     simulation.advance_to(instant_of(starts[w].stamp_s, plant));
-    simulation.set_body(plant.from_measured(starts[w].shown));
+    simulation.robot().set_body(plant.from_measured(starts[w].shown));
     for (int row = 1; row <= rows; ++row) {
       const double stamp = starts[w].stamp_s + row * kRow;
       simulation.advance_to(instant_of(stamp, plant));
-      const PlanarState<double> shown = plant.measured(simulation.center_of_mass());
+      const PlanarState<double> shown = plant.measured(simulation.robot().center_of_mass());
       out[w].push_back({starts[w].stamp_s, stamp, {shown.p_WC, shown.yaw}});
     }
   }

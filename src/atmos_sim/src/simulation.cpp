@@ -1,146 +1,58 @@
 #include "atmos_sim/simulation.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
+#include <stdexcept>
 
-#include "ode_body.h"
+#include "ode_world.h"
 
 namespace atmos {
 
 namespace {
 
-// Instants closer than this are one: a step that short would only add rounding.
 constexpr double kSameInstant = 1e-10;  // s
 // A step may exceed the nominal one by this share rather than leave a sliver behind.
 constexpr double kStretch = 1e-3;
 
-PlanarState<double> start_state(const Scenario& scenario, const Plant& plant) {
-  PlanarState<double> at_O;
-  at_O.p_WC = {scenario.start.x_m, scenario.start.y_m};
-  at_O.yaw = scenario.start.yaw_rad;
-  return center_of_mass_state(at_O, plant.properties().com_B);
-}
-
-// `from` after `dt` with the velocity of `moving` and an acceleration.
-PlanarState<double> advanced(const PlanarState<double>& from, const PlanarState<double>& moving,
-                             const PlanarAcceleration<double>& acceleration, double dt) {
-  return {from.p_WC + dt * moving.v_WC, from.yaw + dt * moving.yaw_rate, from.v_WC + dt * acceleration.a_WC,
-          from.yaw_rate + dt * acceleration.yaw_acceleration};
-}
-
-// Cubic through positions and velocities at both ends; s in [0, 1] over `dt`.
-template <class T>
-T hermite(const T& p0, const T& v0, const T& p1, const T& v1, double s, double dt) {
-  const double s2 = s * s, s3 = s2 * s;
-  return (2 * s3 - 3 * s2 + 1) * p0 + (s3 - 2 * s2 + s) * dt * v0 + (3 * s2 - 2 * s3) * p1 +
-         (s3 - s2) * dt * v1;
-}
-
 }  // namespace
 
 Simulation::Simulation(const Scenario& scenario, double start_s)
-    : plant_(scenario.vehicle, scenario.effects, start_s),
-      valves_(plant_.thruster_count(), plant_.properties().timing),
-      start_s_(start_s),
-      step_s_(std::min(scenario.step_s, plant_.max_step_s())),
-      time_s_(start_s),
-      body_(start_state(scenario, plant_)),
-      hidden_(plant_.initial_hidden()),
-      lab_(scenario.lab, scenario.seed, start_s, plant_.thruster_count()),
-      openings_(plant_.thruster_count()),
-      ode_(std::make_unique<OdeBody>(plant_.properties().mass_kg, plant_.properties().inertia_kg_m2, body_)) {
-  remember();
+    : Simulation(std::vector<Scenario>{scenario}, start_s) {}
+
+Simulation::Simulation(const std::vector<Scenario>& fleet, double start_s)
+    : start_s_(start_s), time_s_(start_s) {
+  if (fleet.empty()) throw std::invalid_argument("a simulation needs a robot");
+  step_s_ = fleet.front().step_s;
+  for (const Scenario& scenario : fleet) robots_.emplace_back(scenario, start_s);
+  ode_ = std::make_unique<OdeWorld>(fleet.front().world, robots_);
+  before_.resize(robots_.size());
 }
 
 Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
-VecX<double> Simulation::openings() const {
-  VecX<double> openings(plant_.thruster_count());
-  valves_.openings(time_s_ + kSameInstant, openings.data());
-  return openings;
-}
-
 void Simulation::advance_to(double until_s) {
-  ode_->set_mass(plant_.mass<double>(time_s_, body_, hidden_));
-  const std::vector<double>& jumps = plant_.edges();
+  for (std::size_t i = 0; i < robots_.size(); ++i) ode_->set_mass(i, robots_[i].mass_kg());
   while (until_s - time_s_ > kSameInstant) {
-    const double past_now = time_s_ + kSameInstant;
-    if (valve_edge_s_ <= past_now) {
-      valves_.openings(past_now, openings_.data());
-      valve_edge_s_ = valves_.next_edge(past_now);
-      lab_.valves_moved(openings_);
-    }
-    double end = std::min(until_s, valve_edge_s_);
-    const auto jump = std::upper_bound(jumps.begin(), jumps.end(), past_now);
-    if (jump != jumps.end()) end = std::min(end, *jump);
     const double grid = start_s_ + step_s_ * (std::floor((time_s_ - start_s_) / step_s_ + kStretch) + 1.0);
-    if (end > grid + kStretch * step_s_) end = grid;
-    step(end - time_s_);
+    const double end = until_s > grid + kStretch * step_s_ ? grid : until_s;
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      before_[i] = robots_[i].center_of_mass();
+      robots_[i].move(end);
+    }
+    ode_->step(before_, end - time_s_, robots_);
     time_s_ = end;
-    remember();
   }
-  valves_.forget_before(time_s_);
+  for (Robot& robot : robots_) robot.forget_past();
 }
 
-// Heun's rule of third order: it never asks for the end of the step, where forces may jump. Of third order
-// because thrusts that rise multiply each other in the supply coupling, which the midpoint rule gets wrong
-// always to the same side.
-void Simulation::step(double dt) {
-  // Just after the start, in case a jump lies there.
-  plant_.rate(time_s_ + kSameInstant, body_, hidden_, openings_, rate_[0]);
-  PlanarState<double> stage = advanced(body_, body_, rate_[0].body, dt / 3.0);
-  hidden_stage_ = hidden_ + dt / 3.0 * rate_[0].hidden;
-  plant_.rate(time_s_ + dt / 3.0, stage, hidden_stage_, openings_, rate_[1]);
-  stage = advanced(body_, stage, rate_[1].body, 2.0 * dt / 3.0);
-  hidden_stage_ = hidden_ + 2.0 * dt / 3.0 * rate_[1].hidden;
-  plant_.rate(time_s_ + 2.0 * dt / 3.0, stage, hidden_stage_, openings_, rate_[1]);
-
-  hidden_ += dt * (0.25 * rate_[0].hidden + 0.75 * rate_[1].hidden);
-  PlanarAcceleration<double> mean{
-      0.25 * rate_[0].body.a_WC + 0.75 * rate_[1].body.a_WC,
-      0.25 * rate_[0].body.yaw_acceleration + 0.75 * rate_[1].body.yaw_acceleration};
-  if (!lab_.quiet()) {
-    const VecX<double> thrust = plant_.thrust<double>(time_s_ + kSameInstant, body_, hidden_, openings_);
-    const PlanarWrench<double> extra = lab_.wrench(time_s_, plant_.properties(), body_.yaw, thrust);
-    mean.a_WC += extra.force_W / plant_.mass<double>(time_s_, body_, hidden_);
-    mean.yaw_acceleration += extra.torque / plant_.properties().inertia_kg_m2;
-  }
-  ode_->step(mean, dt, body_);
-  ++steps_;
+std::uint64_t Simulation::steps() const {
+  std::uint64_t sum = 0;
+  for (const Robot& robot : robots_) sum += robot.steps();
+  return sum;
 }
 
-void Simulation::set_body(const PlanarState<double>& center_of_mass) {
-  body_ = center_of_mass;
-  ode_->set_state(body_);
-  past_.clear();
-  remember();
-}
-
-void Simulation::remember() {
-  const double oldest = time_s_ - plant_.properties().mocap_latency_s;
-  past_.push_back({time_s_, body_});
-  while (past_.size() > 2 && past_[1].time_s <= oldest) past_.pop_front();
-}
-
-PlanarState<double> Simulation::center_of_mass_at(double t) const {
-  assert(t <= time_s_ + kSameInstant);
-  const auto after = std::lower_bound(past_.begin(), past_.end(), t - kSameInstant,
-                                      [](const Past& past, double time) { return past.time_s < time; });
-  if (after == past_.end()) return body_;
-  if (after == past_.begin() || after->time_s - t < kSameInstant) return after->body;
-  const Past& a = *std::prev(after);
-  const Past& b = *after;
-  const double dt = b.time_s - a.time_s;
-  const double s = (t - a.time_s) / dt;
-  PlanarState<double> state;
-  state.p_WC = hermite(a.body.p_WC, a.body.v_WC, b.body.p_WC, b.body.v_WC, s, dt);
-  state.yaw = hermite(a.body.yaw, a.body.yaw_rate, b.body.yaw, b.body.yaw_rate, s, dt);
-  state.v_WC = (1.0 - s) * a.body.v_WC + s * b.body.v_WC;
-  state.yaw_rate = (1.0 - s) * a.body.yaw_rate + s * b.body.yaw_rate;
-  return state;
-}
+std::uint64_t Simulation::contacts() const { return ode_->contacts(); }
 
 }  // namespace atmos

@@ -15,11 +15,11 @@ std::vector<MocapFrame> frames_of(const Scenario& scenario, int count, std::uint
   Simulation simulation(scenario, kTestStart);
   MocapSensor mocap(scenario.mocap, seed, kTestStart);
   for (const ThrusterCommand& command : repeated(open_thrusters(kTestStart, 1.0, {1, 3}), 20))
-    simulation.command(command);
+    simulation.robot().command(command);
   std::vector<MocapFrame> frames;
   for (int k = 0; k < count; ++k) {
     simulation.advance_to(mocap.next_frame_s());
-    frames.push_back(mocap.expose(simulation));
+    frames.push_back(mocap.expose(simulation.robot()));
   }
   return frames;
 }
@@ -61,7 +61,7 @@ TEST(MocapSensor, NoiseHasTheGivenStandardDeviations) {
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   for (int k = 0; k < count; ++k) {
     simulation.advance_to(mocap.next_frame_s());
-    const MocapFrame frame = mocap.expose(simulation);
+    const MocapFrame frame = mocap.expose(simulation.robot());
     const Eigen::Vector3d error(frame.pose.p_W.x() / 3e-4, frame.pose.p_W.y() / 3e-4, frame.pose.yaw / 9e-4);
     sum += error;
     squares += error * error.transpose();

@@ -26,20 +26,20 @@ Difference compare(const Scenario& scenario, std::uint64_t seed) {
   const Plant plant(scenario.vehicle, scenario.effects, kTestStart);
   ValveSchedule valves(plant.thruster_count(), plant.properties().timing);
   for (const ThrusterCommand& command : commands) {
-    EXPECT_EQ(simulation.command(command), ValveSchedule::Taken::kInTime);
+    EXPECT_EQ(simulation.robot().command(command), ValveSchedule::Taken::kInTime);
     EXPECT_EQ(valves.add(command), ValveSchedule::Taken::kInTime);
   }
-  PlantState model{kTestStart, simulation.center_of_mass(), plant.initial_hidden()};
+  PlantState model{kTestStart, simulation.robot().center_of_mass(), plant.initial_hidden()};
   Difference difference;
   for (int k = 1; k <= 200; ++k) {
     const double t = kTestStart + 0.1 * k;
     simulation.advance_to(t);
     advance(plant, valves, t, model);
-    const PlanarState<double>& ode = simulation.center_of_mass();
+    const PlanarState<double>& ode = simulation.robot().center_of_mass();
     difference.position_m = std::max(difference.position_m, (ode.p_WC - model.body.p_WC).norm());
     difference.yaw_rad = std::max(difference.yaw_rad, std::abs(ode.yaw - model.body.yaw));
     difference.hidden =
-        std::max(difference.hidden, (simulation.hidden() - model.hidden).lpNorm<Eigen::Infinity>());
+        std::max(difference.hidden, (simulation.robot().hidden() - model.hidden).lpNorm<Eigen::Infinity>());
     difference.fastest_spin = std::max(difference.fastest_spin, std::abs(ode.yaw_rate));
   }
   return difference;
@@ -81,9 +81,9 @@ TEST(OdeAgainstModel, AtLeastSecondOrderInTheStep) {
       scenario.step_s = step_s;
       Simulation simulation(scenario, kTestStart);
       for (const ThrusterCommand& command : random_commands(scenario, kTestStart, seed))
-        simulation.command(command);
+        simulation.robot().command(command);
       simulation.advance_to(kTestStart + 20.0);
-      return simulation.truth().p_WC;
+      return simulation.robot().truth().p_WC;
     };
     const Vec2<double> reference = end(1e-4);
     coarse += (end(1e-3) - reference).norm();

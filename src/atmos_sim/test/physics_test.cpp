@@ -20,10 +20,10 @@ TEST(Physics, LoadCellShowsThePapersCoupling) {
   for (std::size_t others = 0; others < open.size(); ++others) {
     double sum = 0.0, count = 0.0;
     for (int period = 0; period < 20; ++period) {
-      simulation.command(open_thrusters(t, period % 2 == 0 ? 1.0 : 0.0, open[others]));
+      simulation.robot().command(open_thrusters(t, period % 2 == 0 ? 1.0 : 0.0, open[others]));
       for (int sample = 0; sample < 32; ++sample) {  // 320 samples/s
         simulation.advance_to(t + (sample + 0.5) / 320.0);
-        const double force = simulation.thrust()[0];
+        const double force = simulation.robot().thrust()[0];
         if (period % 2 == 0) {
           sum += force;
           count += 1.0;
@@ -35,7 +35,7 @@ TEST(Physics, LoadCellShowsThePapersCoupling) {
     }
     EXPECT_NEAR(sum / count, published[others], 0.0051) << others << " others";
   }
-  EXPECT_LT(simulation.truth().v_WC.norm(), 0.02);  // held
+  EXPECT_LT(simulation.robot().truth().v_WC.norm(), 0.02);  // held
 }
 
 // Height of the interpolating bicubic (Catmull-Rom) surface, written by itself.
@@ -71,15 +71,15 @@ TEST(Physics, EnergyOnAHeightMap) {
     Simulation simulation(scenario, kTestStart);
     // A push, then 12 s of coasting over a metre or more, slowly spinning.
     for (const ThrusterCommand& command : repeated(open_thrusters(kTestStart, 1.0, {1, 3}), 6))
-      simulation.command(command);
-    simulation.command(open_thrusters(kTestStart + 0.6, 0.9, {2, 3}));
+      simulation.robot().command(command);
+    simulation.robot().command(open_thrusters(kTestStart + 0.6, 0.9, {2, 3}));
     simulation.advance_to(kTestStart + 0.7);
     const auto kinetic = [&] {
-      const PlanarState<double>& s = simulation.center_of_mass();
+      const PlanarState<double>& s = simulation.robot().center_of_mass();
       return 0.5 * kMass * s.v_WC.squaredNorm() + 0.5 * 0.297 * s.yaw_rate * s.yaw_rate;
     };
     const auto mean_height = [&] {
-      const PlanarState<double>& s = simulation.center_of_mass();
+      const PlanarState<double>& s = simulation.robot().center_of_mass();
       double sum = 0.0;
       for (const Eigen::Vector2d& bearing : scenario.vehicle.bearings_m) {
         const Vec2<double> p = s.p_WC + rotation_WB(s.yaw) * bearing;
@@ -108,9 +108,9 @@ TEST(Physics, TerminalSpeedUnderDrag) {
     scenario.effects = {drag};
     Simulation simulation(scenario, kTestStart);
     for (const ThrusterCommand& command : repeated(open_thrusters(kTestStart, 1.0, {1, 3}), 2000))
-      simulation.command(command);
+      simulation.robot().command(command);
     simulation.advance_to(kTestStart + 200.0);
-    return simulation.truth().v_WC.x();
+    return simulation.robot().truth().v_WC.x();
   };
   EXPECT_NEAR(speed_after_push(ViscousDrag{{}, 4.0, 0.0}), 3.4 / 4.0, 1e-6);
   EXPECT_NEAR(speed_after_push(QuadraticDrag{{}, 4.0}), std::sqrt(3.4 / 4.0), 1e-6);
@@ -126,10 +126,10 @@ TEST(Physics, SloshFrequencyAndDampingFromFreeDecay) {
     Simulation simulation(scenario, kTestStart);
     simulation.advance_to(kTestStart + 0.2);
     std::vector<double> crossings, peaks;
-    double before = simulation.hidden()[1], rate_before = simulation.hidden()[3];
+    double before = simulation.robot().hidden()[1], rate_before = simulation.robot().hidden()[3];
     for (int k = 1; k <= 8000; ++k) {
       simulation.advance_to(kTestStart + 0.2 + 0.001 * k);
-      const double now = simulation.hidden()[1], rate = simulation.hidden()[3];
+      const double now = simulation.robot().hidden()[1], rate = simulation.robot().hidden()[3];
       if (before < 0.0 && now >= 0.0) crossings.push_back(0.001 * (k - now / (now - before)));
       if (rate_before > 0.0 && rate <= 0.0) peaks.push_back(now);
       before = now;
@@ -145,8 +145,8 @@ TEST(Physics, SloshFrequencyAndDampingFromFreeDecay) {
     EXPECT_NEAR(frequency, kFrequency * factor, 1e-3 * kFrequency);
     EXPECT_NEAR(damping, kDamping * factor, 2e-2 * kDamping);
     // Body and moving mass keep the momentum of the push.
-    const double v = simulation.center_of_mass().v_WC.x();
-    EXPECT_NEAR((kMass - moving) * v + moving * (v + simulation.hidden()[3]), 2.0, 1e-5);
+    const double v = simulation.robot().center_of_mass().v_WC.x();
+    EXPECT_NEAR((kMass - moving) * v + moving * (v + simulation.robot().hidden()[3]), 2.0, 1e-5);
   }
 }
 

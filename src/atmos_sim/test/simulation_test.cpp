@@ -15,7 +15,7 @@ namespace {
 
 void command_all(Simulation& simulation, const std::vector<ThrusterCommand>& commands) {
   for (const ThrusterCommand& command : commands)
-    ASSERT_EQ(simulation.command(command), ValveSchedule::Taken::kInTime);
+    ASSERT_EQ(simulation.robot().command(command), ValveSchedule::Taken::kInTime);
 }
 
 void expect_identical(const PlanarState<double>& a, const PlanarState<double>& b) {
@@ -30,10 +30,10 @@ TEST(Simulation, StartsAtRestAtTheStartPose) {
   scenario.start = {0.0, 1.5, -0.7, 2.0};
   Simulation simulation(scenario, kTestStart);
   simulation.advance_to(kTestStart + 3.0);
-  EXPECT_EQ(simulation.truth().p_WC, Vec2<double>(1.5, -0.7));
-  EXPECT_EQ(simulation.truth().yaw, 2.0);
-  EXPECT_EQ(simulation.truth().v_WC.norm(), 0.0);
-  EXPECT_EQ(simulation.truth().yaw_rate, 0.0);
+  EXPECT_EQ(simulation.robot().truth().p_WC, Vec2<double>(1.5, -0.7));
+  EXPECT_EQ(simulation.robot().truth().yaw, 2.0);
+  EXPECT_EQ(simulation.robot().truth().v_WC.norm(), 0.0);
+  EXPECT_EQ(simulation.robot().truth().yaw_rate, 0.0);
 }
 
 TEST(Simulation, ConstantThrustFollowsTheClosedForm) {
@@ -42,16 +42,16 @@ TEST(Simulation, ConstantThrustFollowsTheClosedForm) {
   const double a = 2.0 * 1.7 / 16.8;
   for (const double t : {0.0123, 0.5, 1.0, 2.0}) {
     simulation.advance_to(kTestStart + t);
-    EXPECT_NEAR(simulation.truth().p_WC.x(), 0.5 * a * t * t, 1e-10);
-    EXPECT_NEAR(simulation.truth().v_WC.x(), a * t, 1e-11);
-    EXPECT_EQ(simulation.truth().p_WC.y(), 0.0);
-    EXPECT_EQ(simulation.truth().yaw, 0.0);
+    EXPECT_NEAR(simulation.robot().truth().p_WC.x(), 0.5 * a * t * t, 1e-10);
+    EXPECT_NEAR(simulation.robot().truth().v_WC.x(), a * t, 1e-11);
+    EXPECT_EQ(simulation.robot().truth().p_WC.y(), 0.0);
+    EXPECT_EQ(simulation.robot().truth().yaw, 0.0);
   }
   // Then it coasts along a straight line.
-  const PlanarState<double> released = simulation.truth();
+  const PlanarState<double> released = simulation.robot().truth();
   simulation.advance_to(kTestStart + 12.0);
-  EXPECT_NEAR(simulation.truth().p_WC.x(), released.p_WC.x() + 10.0 * released.v_WC.x(), 1e-9);
-  EXPECT_NEAR(simulation.truth().v_WC.x(), released.v_WC.x(), 1e-12);
+  EXPECT_NEAR(simulation.robot().truth().p_WC.x(), released.p_WC.x() + 10.0 * released.v_WC.x(), 1e-9);
+  EXPECT_NEAR(simulation.robot().truth().v_WC.x(), released.v_WC.x(), 1e-12);
 }
 
 TEST(Simulation, ConstantTorqueFollowsTheClosedForm) {
@@ -60,9 +60,9 @@ TEST(Simulation, ConstantTorqueFollowsTheClosedForm) {
   command_all(simulation, repeated(open_thrusters(kTestStart, 1.0, {2, 3}), 20));
   simulation.advance_to(kTestStart + 2.0);
   const double alpha = 2.0 * 1.7 * 0.12 / 0.297;
-  EXPECT_NEAR(simulation.truth().yaw, 0.5 * alpha * 4.0, 1e-9);
-  EXPECT_NEAR(simulation.truth().yaw_rate, alpha * 2.0, 1e-10);
-  EXPECT_LT(simulation.truth().p_WC.norm(), 1e-9);
+  EXPECT_NEAR(simulation.robot().truth().yaw, 0.5 * alpha * 4.0, 1e-9);
+  EXPECT_NEAR(simulation.robot().truth().yaw_rate, alpha * 2.0, 1e-10);
+  EXPECT_LT(simulation.robot().truth().p_WC.norm(), 1e-9);
 }
 
 // Work of the thrust against kinetic energy, and impulse against momentum, from the forces the plant itself
@@ -77,13 +77,13 @@ TEST(Simulation, EnergyAndMomentumBalance) {
   Vec2<double> impulse = Vec2<double>::Zero();
   const double dt = 2e-4;  // finer than the valve edges need for the tolerance below
   for (int k = 1; k <= 50000; ++k) {
-    const PlanarState<double> before = simulation.center_of_mass();
-    const VecX<double> openings = simulation.openings();
+    const PlanarState<double> before = simulation.robot().center_of_mass();
+    const VecX<double> openings = simulation.robot().openings();
     simulation.advance_to(kTestStart + k * dt);
-    if (simulation.openings() != openings) {
+    if (simulation.robot().openings() != openings) {
       // An edge inside: the balance over this slice is taken from the momenta, so that only smooth slices are
       // tested.
-      const PlanarState<double>& after = simulation.center_of_mass();
+      const PlanarState<double>& after = simulation.robot().center_of_mass();
       impulse += m * (after.v_WC - before.v_WC);
       angular_impulse += inertia * (after.yaw_rate - before.yaw_rate);
       work += 0.5 * m * (after.v_WC.squaredNorm() - before.v_WC.squaredNorm()) +
@@ -91,15 +91,15 @@ TEST(Simulation, EnergyAndMomentumBalance) {
       continue;
     }
     PlanarState<double> middle = before;
-    middle.yaw = 0.5 * (before.yaw + simulation.center_of_mass().yaw);
-    const PlanarWrench<double> wrench =
-        simulation.plant().wrench<double>(kTestStart + (k - 0.5) * dt, middle, simulation.hidden(), openings);
+    middle.yaw = 0.5 * (before.yaw + simulation.robot().center_of_mass().yaw);
+    const PlanarWrench<double> wrench = simulation.robot().plant().wrench<double>(
+        kTestStart + (k - 0.5) * dt, middle, simulation.robot().hidden(), openings);
     impulse += dt * wrench.force_W;
     angular_impulse += dt * wrench.torque;
-    work += wrench.force_W.dot(simulation.center_of_mass().p_WC - before.p_WC) +
-            wrench.torque * (simulation.center_of_mass().yaw - before.yaw);
+    work += wrench.force_W.dot(simulation.robot().center_of_mass().p_WC - before.p_WC) +
+            wrench.torque * (simulation.robot().center_of_mass().yaw - before.yaw);
   }
-  const PlanarState<double>& end = simulation.center_of_mass();
+  const PlanarState<double>& end = simulation.robot().center_of_mass();
   EXPECT_GT(end.v_WC.norm(), 0.05);
   EXPECT_LT((m * end.v_WC - impulse).norm(), 1e-6);
   EXPECT_NEAR(inertia * end.yaw_rate, angular_impulse, 1e-6);
@@ -112,41 +112,43 @@ TEST(Simulation, ImpulseIsExactForDutiesThatAreNotOnTheStepGrid) {
   for (int i = 0; i < 50; ++i) {
     const double duty = i == 0 ? 1.23e-5 : any(random);
     Simulation simulation(test_scenario(), kTestStart);
-    ASSERT_EQ(simulation.command(open_thrusters(kTestStart, duty, {1, 3})), ValveSchedule::Taken::kInTime);
+    ASSERT_EQ(simulation.robot().command(open_thrusters(kTestStart, duty, {1, 3})),
+              ValveSchedule::Taken::kInTime);
     simulation.advance_to(kTestStart + 0.2);
-    EXPECT_NEAR(16.8 * simulation.truth().v_WC.x(), 2.0 * 1.7 * 0.1 * duty, 1e-9) << "duty " << duty;
+    EXPECT_NEAR(16.8 * simulation.robot().truth().v_WC.x(), 2.0 * 1.7 * 0.1 * duty, 1e-9) << "duty " << duty;
   }
 }
 
 TEST(Simulation, ALateCommandActsOnlyForTheRestOfItsPeriod) {
   Simulation simulation(test_scenario(), kTestStart);
   simulation.advance_to(kTestStart + 0.0234);
-  EXPECT_EQ(simulation.command(open_thrusters(kTestStart, 0.6, {1, 3})), ValveSchedule::Taken::kLate);
+  EXPECT_EQ(simulation.robot().command(open_thrusters(kTestStart, 0.6, {1, 3})), ValveSchedule::Taken::kLate);
   simulation.advance_to(kTestStart + 0.5);
-  EXPECT_NEAR(16.8 * simulation.truth().v_WC.x(), 3.4 * (0.06 - 0.0234), 1e-9);
-  EXPECT_EQ(simulation.command(open_thrusters(kTestStart, 1.0, {1, 3})), ValveSchedule::Taken::kExpired);
+  EXPECT_NEAR(16.8 * simulation.robot().truth().v_WC.x(), 3.4 * (0.06 - 0.0234), 1e-9);
+  EXPECT_EQ(simulation.robot().command(open_thrusters(kTestStart, 1.0, {1, 3})),
+            ValveSchedule::Taken::kExpired);
 }
 
 TEST(Simulation, BadCommandsLeaveTheValvesShut) {
   Simulation simulation(test_scenario(), kTestStart);
   ThrusterCommand command = open_thrusters(kTestStart, 0.5, {1, 3});
   command.duty[4] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(simulation.command(command), ValveSchedule::Taken::kMalformed);
+  EXPECT_EQ(simulation.robot().command(command), ValveSchedule::Taken::kMalformed);
   command.duty.resize(3);
-  EXPECT_EQ(simulation.command(command), ValveSchedule::Taken::kMalformed);
+  EXPECT_EQ(simulation.robot().command(command), ValveSchedule::Taken::kMalformed);
   simulation.advance_to(kTestStart + 1.0);
-  EXPECT_EQ(simulation.truth().v_WC.norm(), 0.0);
+  EXPECT_EQ(simulation.robot().truth().v_WC.norm(), 0.0);
 }
 
 TEST(Simulation, WithoutANewCommandTheValvesClose) {
   Simulation simulation(test_scenario(), kTestStart);
-  simulation.command(open_thrusters(kTestStart, 1.0, {1, 3}));
+  simulation.robot().command(open_thrusters(kTestStart, 1.0, {1, 3}));
   simulation.advance_to(kTestStart + 0.05);
-  EXPECT_EQ(simulation.openings()[0], 1.0);
-  EXPECT_NEAR(simulation.thrust()[0], 1.7, 1e-12);
+  EXPECT_EQ(simulation.robot().openings()[0], 1.0);
+  EXPECT_NEAR(simulation.robot().thrust()[0], 1.7, 1e-12);
   simulation.advance_to(kTestStart + 0.1);
-  EXPECT_EQ(simulation.openings().sum(), 0.0);
-  EXPECT_EQ(simulation.thrust().sum(), 0.0);
+  EXPECT_EQ(simulation.robot().openings().sum(), 0.0);
+  EXPECT_EQ(simulation.robot().thrust().sum(), 0.0);
 }
 
 TEST(Simulation, ATiltedFloorPullsDownTheSlope) {
@@ -156,9 +158,9 @@ TEST(Simulation, ATiltedFloorPullsDownTheSlope) {
   scenario.effects = {tilt};
   Simulation simulation(scenario, kTestStart);
   simulation.advance_to(kTestStart + 2.0);
-  EXPECT_NEAR(simulation.truth().v_WC.x(), -0.01962 * 2.0, 1e-10);
-  EXPECT_NEAR(simulation.truth().p_WC.x(), -0.5 * 0.01962 * 4.0, 1e-10);
-  EXPECT_LT(std::abs(simulation.truth().yaw), 1e-12);
+  EXPECT_NEAR(simulation.robot().truth().v_WC.x(), -0.01962 * 2.0, 1e-10);
+  EXPECT_NEAR(simulation.robot().truth().p_WC.x(), -0.5 * 0.01962 * 4.0, 1e-10);
+  EXPECT_LT(std::abs(simulation.robot().truth().yaw), 1e-12);
 }
 
 TEST(Simulation, SupplyCouplingWeakensThrustAsPublished) {
@@ -167,13 +169,13 @@ TEST(Simulation, SupplyCouplingWeakensThrustAsPublished) {
   coupling.fraction_per_open_thruster = 0.125;
   scenario.effects = {coupling};
   Simulation two(scenario, kTestStart);
-  two.command(open_thrusters(kTestStart, 1.0, {1, 3}));
+  two.robot().command(open_thrusters(kTestStart, 1.0, {1, 3}));
   two.advance_to(kTestStart + 0.1);
-  EXPECT_NEAR(two.truth().v_WC.x() * 16.8 / 0.1, 2.975, 1e-9);
+  EXPECT_NEAR(two.robot().truth().v_WC.x() * 16.8 / 0.1, 2.975, 1e-9);
   Simulation four(scenario, kTestStart);
-  four.command(open_thrusters(kTestStart, 1.0, {2, 3, 6, 7}));
+  four.robot().command(open_thrusters(kTestStart, 1.0, {2, 3, 6, 7}));
   four.advance_to(kTestStart + 0.1);
-  EXPECT_NEAR(std::abs(four.truth().yaw_rate) * 0.297 / 0.1, 0.510, 1e-9);
+  EXPECT_NEAR(std::abs(four.robot().truth().yaw_rate) * 0.297 / 0.1, 0.510, 1e-9);
 }
 
 TEST(Simulation, IdenticalInputsGiveIdenticalMotionBesideAnotherWorld) {
@@ -190,8 +192,8 @@ TEST(Simulation, IdenticalInputsGiveIdenticalMotionBesideAnotherWorld) {
     other.advance_to(kTestStart + 0.0777 * k);
     accompanied.advance_to(kTestStart + 0.1 * k);
   }
-  EXPECT_GT(alone.truth().p_WC.norm(), 0.1);
-  expect_identical(alone.truth(), accompanied.truth());
+  EXPECT_GT(alone.robot().truth().p_WC.norm(), 0.1);
+  expect_identical(alone.robot().truth(), accompanied.robot().truth());
 }
 
 TEST(Simulation, CutsBetweenCallsOnlyAddRounding) {
@@ -202,7 +204,7 @@ TEST(Simulation, CutsBetweenCallsOnlyAddRounding) {
   command_all(pieces, commands);
   for (int k = 1; k <= 2000; ++k) pieces.advance_to(kTestStart + 0.01 * k);
   whole.advance_to(kTestStart + 20.0);
-  EXPECT_LT((whole.truth().p_WC - pieces.truth().p_WC).norm(), 1e-9);
+  EXPECT_LT((whole.robot().truth().p_WC - pieces.robot().truth().p_WC).norm(), 1e-9);
   EXPECT_EQ(whole.steps(), pieces.steps());
 }
 
@@ -227,24 +229,26 @@ TEST(Simulation, RemembersThePastForTheMocapLatency) {
   scenario.effects = {latency};
   Simulation simulation(scenario, kTestStart);
   command_all(simulation, repeated(open_thrusters(kTestStart, 1.0, {1, 3}), 20));
-  expect_identical(simulation.center_of_mass_at(kTestStart - 5.0), simulation.center_of_mass());
+  expect_identical(simulation.robot().center_of_mass_at(kTestStart - 5.0),
+                   simulation.robot().center_of_mass());
   simulation.advance_to(kTestStart + 1.0);
   const double a = 3.4 / 16.8;
   for (const double ago : {0.0, 0.0003, 0.001, 0.0305}) {
-    const PlanarState<double> past = simulation.center_of_mass_at(kTestStart + 1.0 - ago);
+    const PlanarState<double> past = simulation.robot().center_of_mass_at(kTestStart + 1.0 - ago);
     EXPECT_NEAR(past.p_WC.x(), 0.5 * a * (1.0 - ago) * (1.0 - ago), 1e-10) << ago;
     EXPECT_NEAR(past.v_WC.x(), a * (1.0 - ago), 1e-10) << ago;
   }
-  expect_identical(simulation.center_of_mass_at(kTestStart + 1.0), simulation.center_of_mass());
+  expect_identical(simulation.robot().center_of_mass_at(kTestStart + 1.0),
+                   simulation.robot().center_of_mass());
 }
 
 TEST(Simulation, MovesToAnotherOwner) {
   Simulation first(test_scenario(), kTestStart);
-  first.command(open_thrusters(kTestStart, 1.0, {1, 3}));
+  first.robot().command(open_thrusters(kTestStart, 1.0, {1, 3}));
   first.advance_to(kTestStart + 0.05);
   Simulation second = std::move(first);
   second.advance_to(kTestStart + 0.1);
-  EXPECT_NEAR(second.truth().v_WC.x(), 0.34 / 16.8, 1e-12);
+  EXPECT_NEAR(second.robot().truth().v_WC.x(), 0.34 / 16.8, 1e-12);
 }
 
 TEST(Simulation, AReportOfOdeIsAnErrorAndNotTheEndOfTheProcess) {

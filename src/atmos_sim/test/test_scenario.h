@@ -2,6 +2,7 @@
 #pragma once
 
 #include "atmos_sim/batch.h"
+#include "atmos_sim/simulation.h"
 
 namespace atmos {
 

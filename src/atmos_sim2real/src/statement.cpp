@@ -42,16 +42,29 @@ double range(const GridRows& rows) {
 struct Sentence {
   double start_s;
 
+  // Since when a failure holds; nothing when it has from the start.
+  std::string from(double since_s) const {
+    if (since_s <= start_s) return "";
+    return " from " + short_number(since_s - start_s) + " s after the first command on";
+  }
+
   std::string operator()(const ThrustScale& e) const {
     return "every thruster pushes " + compared(e.factor) + " the vehicle file says";
   }
   std::string operator()(const ThrusterEfficiency& e) const {
     return thruster(e.thruster) + " pushes " + compared(e.factor) + " the vehicle file says";
   }
+  std::string operator()(const ThrusterWeakSince& e) const {
+    return thruster(e.thruster) + " pushes " + compared(e.factor) + " the vehicle file says" +
+           from(e.since_s);
+  }
   std::string operator()(const ThrusterDead& e) const {
     if (e.since_s <= start_s) return thruster(e.thruster) + " has been dead from the start (0 s)";
     return thruster(e.thruster) + " is dead from " + short_number(e.since_s - start_s) +
            " s after the first command on";
+  }
+  std::string operator()(const ThrusterStuckOpen& e) const {
+    return thruster(e.thruster) + " is stuck open" + from(e.since_s);
   }
   std::string operator()(const CommandDelay& e) const {
     return "commands act " + milliseconds(e.delay_s) + " later than they are stamped";
@@ -75,6 +88,9 @@ struct Sentence {
   }
   std::string operator()(const ThrusterLeak& e) const {
     return thruster(e.thruster) + " leaks " + percent(e.fraction) + " of its thrust while it is shut";
+  }
+  std::string operator()(const ThrusterLeakSince& e) const {
+    return thruster(e.thruster) + " leaks " + percent(e.fraction) + " of its thrust" + from(e.since_s);
   }
   std::string operator()(const ThrusterMisalignment& e) const {
     return thruster(e.thruster) + " points " + degrees(e.angle_rad) +
@@ -124,6 +140,10 @@ struct Sentence {
   std::string operator()(const FrictionPatch& e) const {
     return "the floor rubs with a coefficient of " + short_number(e.coefficient) + " within " +
            short_number(e.radius_m) + " m of " + place(e.center_x_m, e.center_y_m);
+  }
+  std::string operator()(const BearingDown& e) const {
+    return "bearing " + std::to_string(e.bearing) + " rubs with a coefficient of " +
+           short_number(e.coefficient) + from(e.since_s);
   }
   std::string operator()(const ExternalImpulse& e) const {
     if (e.events.empty()) return "0 pushes from outside, 0 N s";
@@ -178,8 +198,11 @@ const std::map<std::string, std::string>& manoeuvres() {
   static const std::string rest = "stay at rest with shut valves for 60 s at three places";
   static const std::map<std::string, std::string> all = {{"thrust_scale", pulses},
                                                          {"thruster_efficiency", pulses},
+                                                         {"thruster_weak_since", pulses},
                                                          {"thruster_dead", pulses},
+                                                         {"thruster_stuck_open", rest},
                                                          {"thruster_leak", rest},
+                                                         {"thruster_leak_since", rest},
                                                          {"thruster_misalignment", pulses},
                                                          {"supply_coupling", bursts},
                                                          {"supply_droop", bursts},
@@ -201,6 +224,7 @@ const std::map<std::string, std::string>& manoeuvres() {
                                                          {"airflow", lattice},
                                                          {"tether", lattice},
                                                          {"friction_patch", lattice},
+                                                         {"bearing_down", spin},
                                                          {"viscous_drag", coast},
                                                          {"quadratic_drag", coast},
                                                          {"coulomb_friction", coast},

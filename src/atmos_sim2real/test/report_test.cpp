@@ -173,11 +173,11 @@ TEST(Statement, EveryKindHasOneWithANumber) {
     std::string text = "effects:\n  - kind: " + info.kind + "\n    parameters: {";
     for (const ParameterInfo& p : info.parameters) {
       const bool rows = p.name == "height_m" || p.name.rfind("force_", 0) == 0;
-      const std::string value = p.name == "events"     ? "[]"
-                                : p.name == "origin_m" ? "[0, 0]"
-                                : rows                 ? "[[0, 0.01], [0, 0]]"
-                                : p.name == "thruster" ? "2"
-                                                       : "0.5";
+      const std::string value = p.name == "events"                            ? "[]"
+                                : p.name == "origin_m"                        ? "[0, 0]"
+                                : rows                                        ? "[[0, 0.01], [0, 0]]"
+                                : p.name == "thruster" || p.name == "bearing" ? "2"
+                                                                              : "0.5";
       text += (text.back() == '{' ? "" : ", ") + p.name + ": " +
               (value == "0.5" && !p.bounds.contains(0.5) ? std::to_string(0.5 * (p.bounds.min + p.bounds.max))
                                                          : value);

@@ -19,7 +19,7 @@ struct AllocationMatrices {
 AllocationMatrices thruster_matrices(const Vehicle& vehicle);
 
 // Two thrusters on one line that push in opposite directions: the paper's u_j > 0 fires `positive`, u_j < 0
-// `negative`.
+// `negative`. A propeller is both.
 struct ThrusterPair {
   int positive;  // index into Vehicle::thrusters
   int negative;

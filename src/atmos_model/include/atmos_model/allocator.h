@@ -13,7 +13,7 @@ namespace atmos {
 using BodyWrench = Eigen::Vector3d;
 
 struct Allocation {
-  std::vector<double> duty;  // one per thruster, [0, 1], after min_on_time; failed thrusters 0
+  std::vector<double> duty;  // one per thruster, [0, 1], after min_on_time; failed ones 0; propellers [-1, 1]
   BodyWrench achieved = BodyWrench::Zero();  // what the duties give with every thruster at its full force
   double scale = 0.0;  // in [0, 1]: the share of the asked wrench that the thruster set can realise
 };
@@ -56,9 +56,14 @@ class Allocator {
                      const Eigen::Vector3d& direction) const;
 
   std::size_t thruster_count_;
-  double min_duty_;                   // shorter pulses are sent as 0
-  std::vector<std::size_t> healthy_;  // indices into Vehicle::thrusters
-  BodyWrench unit_;                   // makes columns of different physical dimension comparable
+  struct Column {
+    std::size_t thruster;  // index into Vehicle::thrusters
+    double sense;          // -1: of a propeller that pushes the other way
+  };
+
+  double min_duty_;              // shorter pulses are sent as 0
+  std::vector<Column> healthy_;  // of B_
+  BodyWrench unit_;              // makes columns of different physical dimension comparable
   Eigen::Matrix<double, 3, Eigen::Dynamic>
       B_;  // wrench, in units of unit_, per unit duty of each healthy thruster
   std::vector<Facet> facets_;

@@ -32,6 +32,8 @@ struct PlantProperties {
   double mocap_latency_s = 0.0;
   double stamp_skew = 0.0;                 // clock_skew ratio
   double gas_kg_per_open_second = 0.0035;  // consumption of an open thruster (docs/effects.md, "gas")
+  double bearing_flow_kg_s = 0.0;          // of all bearings, from the same bottles
+  Actuation actuation = Actuation::kOnOff;
   std::vector<PlanarThruster> thrusters;
   std::vector<Eigen::Vector2d> bearings_m;  // from the geometric centre, body
   ValveTiming timing;
@@ -54,6 +56,9 @@ struct ParameterInfo {
 // Parameters that several effects share.
 inline ParameterInfo thruster_number() {
   return {"thruster", "1", Bounds::between(1, kMaxThrusters), "number in the vehicle file, from 1"};
+}
+inline ParameterInfo since() {
+  return {"since_s", "s", Bounds::between(0.0, 1e10), "ROS time of the failure; 0: always"};
 }
 inline Bounds ros_time() { return Bounds::between(0.0, 1e10); }
 inline ParameterInfo grid_origin() {
@@ -137,21 +142,26 @@ inline double friction_time_scale(double coefficient) {
   return 0.5 * kSmoothSpeed / (std::max(coefficient, 1e-6) * kGravity);
 }
 
-// Friction of the bearings for which rubs(p_W) is true: `coefficient` times their share of the weight,
-// against the velocity of each.
+// Friction of one bearing, and of all, where rubs(p_W) is true: `coefficient` times its share of the weight,
+// against its own velocity.
+template <class S, class Rubs>
+void add_bearing_friction(const Instant<S>& now, const Eigen::Vector2d& bearing, double coefficient,
+                          const Rubs& rubs, PlanarWrench<S>& wrench) {
+  using std::sqrt;
+  const S normal = now.weight_mass * (kGravity / static_cast<double>(now.plant.bearings_m.size()));
+  const Eigen::Vector2d from_com_B = bearing - now.plant.com_B;
+  const Vec2<S> r_W = now.R_WB * from_com_B.cast<S>();
+  if (!rubs(Vec2<S>(now.state.p_WC + r_W))) return;
+  const Vec2<S> v_W = point_velocity<S>(now.state.v_WC, now.state.yaw_rate, r_W);
+  const S speed = sqrt(v_W.squaredNorm() + kSmoothSpeed * kSmoothSpeed);
+  wrench.add_force_at(Vec2<S>(-(coefficient * normal / speed) * v_W), r_W);
+}
+
 template <class S, class Rubs>
 void add_bearing_friction(const Instant<S>& now, double coefficient, const Rubs& rubs,
                           PlanarWrench<S>& wrench) {
-  using std::sqrt;
-  const S normal = now.weight_mass * (kGravity / static_cast<double>(now.plant.bearings_m.size()));
-  for (const Eigen::Vector2d& bearing : now.plant.bearings_m) {
-    const Eigen::Vector2d from_com_B = bearing - now.plant.com_B;
-    const Vec2<S> r_W = now.R_WB * from_com_B.cast<S>();
-    if (!rubs(Vec2<S>(now.state.p_WC + r_W))) continue;
-    const Vec2<S> v_W = point_velocity<S>(now.state.v_WC, now.state.yaw_rate, r_W);
-    const S speed = sqrt(v_W.squaredNorm() + kSmoothSpeed * kSmoothSpeed);
-    wrench.add_force_at(Vec2<S>(-(coefficient * normal / speed) * v_W), r_W);
-  }
+  for (const Eigen::Vector2d& bearing : now.plant.bearings_m)
+    add_bearing_friction(now, bearing, coefficient, rubs, wrench);
 }
 
 }  // namespace atmos

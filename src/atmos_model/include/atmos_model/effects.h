@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "atmos_model/effects/airflow.h"
+#include "atmos_model/effects/bearing_down.h"
 #include "atmos_model/effects/clock_skew.h"
 #include "atmos_model/effects/com_offset.h"
 #include "atmos_model/effects/command_delay.h"
@@ -32,7 +33,10 @@
 #include "atmos_model/effects/thruster_dead.h"
 #include "atmos_model/effects/thruster_efficiency.h"
 #include "atmos_model/effects/thruster_leak.h"
+#include "atmos_model/effects/thruster_leak_since.h"
 #include "atmos_model/effects/thruster_misalignment.h"
+#include "atmos_model/effects/thruster_stuck_open.h"
+#include "atmos_model/effects/thruster_weak_since.h"
 #include "atmos_model/effects/unmodelled.h"
 #include "atmos_model/effects/valve_delay.h"
 #include "atmos_model/effects/viscous_drag.h"
@@ -42,10 +46,11 @@ namespace atmos {
 
 // In table order: effects of a list are applied in this order however a file lists them.
 using Effect =
-    std::variant<ThrustScale, ThrusterEfficiency, ThrusterDead, CommandDelay, ValveDelay, ThrustRise,
-                 SupplyCoupling, SupplyDroop, PressureDecay, ThrusterLeak, ThrusterMisalignment, MassError,
-                 InertiaError, MassDepletion, ComOffset, Slosh, FloorTilt, FloorUnevenness, Airflow, Tether,
-                 ViscousDrag, QuadraticDrag, CoulombFriction, FrictionPatch, ExternalImpulse, FloorVibration,
+    std::variant<ThrustScale, ThrusterEfficiency, ThrusterWeakSince, ThrusterDead, ThrusterStuckOpen,
+                 CommandDelay, ValveDelay, ThrustRise, SupplyCoupling, SupplyDroop, PressureDecay,
+                 ThrusterLeak, ThrusterLeakSince, ThrusterMisalignment, MassError, InertiaError,
+                 MassDepletion, ComOffset, Slosh, FloorTilt, FloorUnevenness, Airflow, Tether, ViscousDrag,
+                 QuadraticDrag, CoulombFriction, FrictionPatch, BearingDown, ExternalImpulse, FloorVibration,
                  MocapLatency, MarkerOffset, YawMisalignment, ClockSkew, Unmodelled>;
 
 struct EffectInfo {

@@ -25,7 +25,8 @@ struct PlantRate {
 // Hidden states are laid out as [gas used (kg), then those of each effect in table order].
 class Plant {
  public:
-  // `start_s` is t0: the first command stamp of the recording, ROS seconds.
+  // `start_s` is t0: the first command stamp of the recording, ROS seconds. The lag of a vehicle's motors
+  // counts as thrust_rise unless the effects have one.
   // Throws std::invalid_argument for an effect that does not fit the vehicle; read_effects() tells why.
   Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s);
 
@@ -199,7 +200,7 @@ void Plant::rate(double t, const PlanarState<S>& state, const VecX<S>& hidden, c
   rate.body.yaw_acceleration = at.wrench.torque / S(properties_.inertia_kg_m2);
 
   rate.hidden.setZero(hidden_size_);
-  rate.hidden[0] = properties_.gas_kg_per_open_second * at.now.open_count;
+  rate.hidden[0] = properties_.gas_kg_per_open_second * at.now.open_count + properties_.bearing_flow_kg_s;
   const S* first = hidden.data();
   const auto slope_at = [this](const Vec2<S>& p_W) { return floor_slope<S>(p_W); };
   for_each(hidden_rates_, first, [&](const auto& e, const S* own) {

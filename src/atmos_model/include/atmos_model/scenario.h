@@ -1,8 +1,10 @@
-// A scenario: what is flown, with which vehicle and controller, on which floor, seen by which mocap.
+// A scenario: what is flown, with which vehicles and controllers, on which floor, between which walls, seen
+// by which mocap.
 #pragma once
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,8 +44,37 @@ struct LabSettings {
   double slow_time_s = 4.0;      // correlation time of both
 };
 
+// Air supply of a flight. Without it the supply has no end.
+struct SupplySettings {
+  int open_bottles = 1;   // selected at the manifold
+  bool tethered = false;  // fed through a hose: the bottles stay full; the effects say how the hose pulls
+};
+
+// Fixed things that robots bump into; upright, higher than a robot. World frame.
+struct Walls {
+  Eigen::Vector2d min_m, max_m;  // inner faces
+};
+struct Box {
+  Eigen::Vector2d center_m, size_m;
+  double yaw_rad;  // written as yaw_deg
+};
+struct Cylinder {
+  Eigen::Vector2d center_m;
+  double radius_m;
+};
+
+struct WorldSettings {
+  std::optional<Walls> walls;
+  std::vector<Box> boxes;
+  std::vector<Cylinder> cylinders;
+  double restitution = 0.47;  // of every contact, as the public two-robot planner of the lab assumes
+  double friction = 0.0;      // Coulomb, of every contact
+};
+
+// The flight of one robot.
 struct Scenario {
   std::string name;
+  std::string robot;         // its namespace where the file lists robots; else empty
   std::string path;          // the file it was read from
   std::string vehicle_path;  // absolute or relative to the working directory
   std::string controller_path;
@@ -56,14 +87,22 @@ struct Scenario {
   LabSettings lab;
   std::vector<Effect> effects;
   Vehicle vehicle;
+  std::optional<SupplySettings> pneumatics;
+  WorldSettings world;  // shared by all robots of the file
 };
 
 // Reads the list `setpoints` of `root`; faults are recorded there. No set-point may be later than latest_s.
 std::vector<SetPoint> read_set_points(const ConfigMap& root,
                                       double latest_s = std::numeric_limits<double>::infinity());
 
-// Reads a scenario and the vehicle it names; the controller file is left to the controller. Throws
-// ConfigError with every fault.
-Scenario load_scenario(const std::string& path);
+// Reads a scenario and the vehicles it names; controller files are left to the controllers. One entry per
+// robot, in the order of the list `robots`, or the only one. An entry of `robots` has its name, start and
+// set-points, and may have a vehicle, controller, effects and pneumatics of its own in place of the file's.
+// Throws ConfigError with every fault.
+std::vector<Scenario> load_fleet(const std::string& path);
+// The same from an open file.
+std::vector<Scenario> read_fleet(const ConfigFile& file);
+// The flight of the robot with that name; where the file lists no robots, of the only one, whatever its name.
+Scenario load_scenario(const std::string& path, const std::string& robot = "");
 
 }  // namespace atmos

@@ -26,7 +26,9 @@ struct ValveTiming {
   double open_delay_s =
       0.0;  // a joined open interval [a, b) becomes [a + open, b + close); nothing if that is empty
   double close_delay_s = 0.0;
-  std::vector<double> dead_since_s;  // one per valve: shut from then on (+inf, or left out: healthy)
+  // One per valve; +inf, or left out: healthy.
+  std::vector<double> dead_since_s;        // shut from then on
+  std::vector<double> stuck_open_since_s;  // open from then on, unless dead
 };
 
 // Commands in, openings out. Periods whose gap or overlap is under 1 ms are joined; a newer command replaces

@@ -17,6 +17,7 @@ DirectAllocation make_direct_allocation(const Vehicle& vehicle, const Controller
 
 // Duties that give pair forces u [N]: u_j > 0 opens the pair's positive thruster, u_j < 0 its negative one,
 // for the share |u_j| / force of that thruster of the period; pulses under min_on_time are sent as 0.
+// Propellers take u_j / force as it is.
 void duties_from_pairs(const Vehicle& vehicle, const std::vector<ThrusterPair>& pairs,
                        const Eigen::Vector4d& u, std::vector<double>& duty);
 

@@ -93,6 +93,7 @@ class FlightController {
   void notice_restart(double now_s);
 
   std::size_t thruster_count_;
+  Actuation actuation_;
   Allocator allocator_;
   RateController rate_;
   Pwm pwm_;

@@ -6,7 +6,8 @@
 #include <random>
 #include <vector>
 
-#include "atmos_sim/simulation.h"
+#include "atmos_model/scenario.h"
+#include "atmos_sim/robot.h"
 
 namespace atmos {
 
@@ -24,8 +25,8 @@ class MocapSensor {
 
   // When the next frame is due, ROS time.
   double next_frame_s() const { return static_cast<double>(frame_) / settings_.rate_hz; }
-  // Takes the frame due at next_frame_s(); the simulation must have come exactly there.
-  MocapFrame expose(const Simulation& simulation);
+  // Takes the frame due at next_frame_s(); the robot must have come exactly there.
+  MocapFrame expose(const Robot& robot);
 
  private:
   static constexpr int kWaves = 6;

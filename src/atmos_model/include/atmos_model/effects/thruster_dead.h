@@ -18,12 +18,12 @@ struct ThrusterDead : EffectHooks {
   template <class Self, class Visitor>
   static void parameters(Self& self, Visitor&& visit) {
     visit(thruster_number(), self.thruster);
-    visit(ParameterInfo{"since_s", "s", ros_time(), "ROS time of the failure; 0: always"}, self.since_s);
+    visit(since(), self.since_s);
   }
 
   void alter(PlantProperties& plant) const {
-    double& since = plant.timing.dead_since_s.at(static_cast<std::size_t>(thruster - 1));
-    since = std::min(since, since_s);
+    double& dead = plant.timing.dead_since_s.at(static_cast<std::size_t>(thruster - 1));
+    dead = std::min(dead, since_s);
   }
 };
 
