@@ -26,7 +26,6 @@ Plant::Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s
   if (vehicle.pneumatics) properties_.bearing_flow_kg_s = vehicle.pneumatics->bearing_flow_kg_s;
   properties_.actuation = vehicle.actuation;
   if (vehicle.actuation == Actuation::kContinuous) {
-    properties_.gas_kg_per_open_second = 0.0;
     const auto is_rise = [](const Effect& effect) { return std::holds_alternative<ThrustRise>(effect); };
     if (vehicle.motor_time_constant_s > 0.0 && std::none_of(effects_.begin(), effects_.end(), is_rise))
       effects_.push_back(ThrustRise{{}, vehicle.motor_time_constant_s});
@@ -47,6 +46,7 @@ Plant::Plant(const Vehicle& vehicle, std::vector<Effect> effects, double start_s
         },
         effect);
   }
+  if (vehicle.actuation == Actuation::kContinuous) properties_.gas_kg_per_open_second = 0.0;
   std::sort(edges_.begin(), edges_.end());
   list_hooks();
 }

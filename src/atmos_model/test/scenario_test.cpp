@@ -175,7 +175,10 @@ TEST(ShippedConfiguration, EveryVehicleAndScenarioLoads) {
     ++vehicles;
   }
   for (const auto& file : std::filesystem::directory_iterator(shipped("config/scenario"))) {
-    EXPECT_NO_THROW(load_fleet(file.path().string())) << file.path();
+    std::vector<Scenario> fleet;
+    EXPECT_NO_THROW(fleet = load_fleet(file.path().string())) << file.path();
+    for (const Scenario& scenario : fleet)
+      EXPECT_TRUE(std::filesystem::exists(scenario.controller_path)) << file.path();
     ++scenarios;
   }
   EXPECT_GE(vehicles, 1);

@@ -198,7 +198,8 @@ class SimNode {
       std::printf("sim: flight over%s%s: commands %lu in time, %lu late, %lu expired, %lu malformed\n",
                   name.empty() ? "" : ", ", name.c_str(), taken[0], taken[1], taken[2], taken[3]);
     }
-    if (robots_.size() > 1) std::printf("sim: steps with a contact: %lu\n", simulation_.contacts());
+    if (robots_.size() > 1)
+      std::printf("sim: contact points, summed over the steps: %lu\n", simulation_.contacts());
     std::fflush(stdout);
     if (!options_.summary.empty()) {
       const nlohmann::json summary = {{"realtime_factor", flight_s / wall_s},

@@ -60,15 +60,17 @@ ValveSchedule::Taken Robot::command(const ThrusterCommand& command) {
 
 VecX<double> Robot::openings() const {
   VecX<double> openings = VecX<double>::Zero(plant_.thruster_count());
-  if (has_air_) valves_.openings(time_s_ + kSameInstant, openings.data());
+  if (actuated()) valves_.openings(time_s_ + kSameInstant, openings.data());
   return openings;
 }
 
-// Valves shut, bearings down, from now on.
+// Bearings down and valves shut from now on; propellers turn on.
 void Robot::lose_air() {
   has_air_ = false;
-  openings_.setZero();
-  lab_.valves_moved(openings_);
+  if (!actuated()) {
+    openings_.setZero();
+    lab_.valves_moved(openings_);
+  }
   // A bearing that is down has no hidden state: those of the other effects keep their places.
   std::vector<Effect> effects = plant_.effects();
   for (int bearing = 1; bearing <= static_cast<int>(vehicle_.bearings_m.size()); ++bearing)
@@ -84,12 +86,12 @@ void Robot::move(double until_s) {
   const double from_s = time_s_;
   while (until_s - time_s_ > kSameInstant) {
     const double past_now = time_s_ + kSameInstant;
-    if (has_air_ && valve_edge_s_ <= past_now) {
+    if (actuated() && valve_edge_s_ <= past_now) {
       valves_.openings(past_now, openings_.data());
       valve_edge_s_ = valves_.next_edge(past_now);
       lab_.valves_moved(openings_);
     }
-    double end = has_air_ ? std::min(until_s, valve_edge_s_) : until_s;
+    double end = actuated() ? std::min(until_s, valve_edge_s_) : until_s;
     const auto jump = std::upper_bound(jumps.begin(), jumps.end(), past_now);
     if (jump != jumps.end()) end = std::min(end, *jump);
     if (end - time_s_ > (1.0 + kStretch) * plant_.max_step_s()) end = time_s_ + plant_.max_step_s();

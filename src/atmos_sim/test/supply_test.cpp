@@ -11,9 +11,9 @@ namespace {
 constexpr double kPascal = 1e-9;
 
 // What load_scenario() makes of a scenario with these lines added.
-Scenario with_lines(const std::string& lines) {
-  const std::string text = "name: supply\nvehicle: " ATMOS_CONFIG_DIR
-                           "/vehicle/atmos.yaml\ncontroller: none.yaml\nduration_s: 600\nseed: 1\n"
+Scenario with_lines(const std::string& lines, const std::string& vehicle = "atmos") {
+  const std::string text = "name: supply\nvehicle: " ATMOS_CONFIG_DIR "/vehicle/" + vehicle +
+                           ".yaml\ncontroller: none.yaml\nduration_s: 600\nseed: 1\n"
                            "start: {x_m: 0.0, y_m: 0.0, yaw_deg: 0.0}\n"
                            "setpoints: [{time_s: 0.0, x_m: 0.0, y_m: 0.0, yaw_deg: 0.0}]\n"
                            "mocap: {rate_hz: 100.0, noise_m: 0.0, noise_rad: 0.0}\n" +
@@ -69,6 +69,24 @@ TEST(AirSupply, FewerBottlesAndFlowThroughTheBearingsEndItSooner) {
   EXPECT_NEAR(lasts(leaky), 227.9, 0.2);
   // Without the key the supply has no end.
   EXPECT_EQ(lasts(with_lines("")), 600.0);
+}
+
+// Only the bearings use air; once they are down, a propeller pulls against them in vain, but pulls.
+TEST(AirSupply, PropellersTakeNoneAndTurnOnWithout) {
+  Scenario scenario = with_lines("pneumatics: {open_bottles: 1}\n", "atmos_propeller");
+  scenario.vehicle.pneumatics->bearing_flow_kg_s = 0.1;
+  Simulation simulation(scenario, kTestStart);
+  const Robot& robot = simulation.robot();
+  for (const double after_s : {0.0, 10.0}) {
+    simulation.advance_to(kTestStart + after_s);
+    simulation.robot().command({kTestStart + after_s, 0.5, {1.0, 1.0, 0.0, 0.0}});
+    const double gas = robot.hidden()[0];
+    simulation.advance_to(kTestStart + after_s + 0.4);
+    EXPECT_EQ(robot.air()->operable, after_s == 0.0);
+    EXPECT_NEAR(robot.hidden()[0] - gas, after_s == 0.0 ? 0.04 : 0.0, 1e-9);
+    EXPECT_NEAR(robot.thrust().sum(), 3.92, 0.01);
+    EXPECT_EQ(robot.truth().v_WC.norm() > 0.05, after_s == 0.0);
+  }
 }
 
 TEST(AirSupply, PressuresFollowTheGas) {

@@ -6,7 +6,8 @@
 
 namespace atmos {
 
-inline constexpr double kTestStart = 1234.5;
+// As in the simulator node: the failures of all_effects.yaml are dated from here.
+inline constexpr double kTestStart = 1000.0;
 
 // The nominal vehicle at rest at the origin, no effects, noise-free mocap.
 inline Scenario test_scenario() {

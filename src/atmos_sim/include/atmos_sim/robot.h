@@ -62,6 +62,8 @@ class Robot {
 
   void step(double dt);
   void lose_air();
+  // Thrusters need air, propellers do not.
+  bool actuated() const { return has_air_ || vehicle_.actuation == Actuation::kContinuous; }
   void remember();
 
   Vehicle vehicle_;
