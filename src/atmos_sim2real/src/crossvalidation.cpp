@@ -51,10 +51,8 @@ std::vector<double> log_deviations(const std::vector<Flight>& flights, const Noi
                                    const std::vector<Block>& blocks) {
   std::vector<double> sums(blocks.size(), 0.0);
   for (std::size_t f = 0; f < flights.size(); ++f) {
-    for (int axis = 0; axis < kAxes; ++axis) {
-      const Whitener whitener(flights[f].times(),
-                              flights[f].scatter_variance()[static_cast<std::size_t>(axis)],
-                              flights[f].travel(), noise, static_cast<Axis>(axis));
+    const auto whiteners = flights[f].whiteners(noise);
+    for (const Whitener& whitener : *whiteners) {
       for (std::size_t k = 0; k < blocks.size(); ++k) {
         if (blocks[k].flight != f) continue;
         for (Eigen::Index i = blocks[k].first; i < blocks[k].first + blocks[k].count; ++i)

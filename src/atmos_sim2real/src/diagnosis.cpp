@@ -215,7 +215,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   if (!found.claims.empty()) out.where = locate(problem, gains);
 
   for (const Screened& screened : found.last_screen) {
-    const Start& start = screened.hypothesis->starts[screened.start];
+    const Start& start = screened.start;
     if (start.linear.size() == 0 || screened.deviation.size() == 0 || screened.hypothesis->map) continue;
     for (Eigen::Index p = 0;
          p < screened.deviation.size() && p < static_cast<Eigen::Index>(start.linear.size()); ++p) {

@@ -60,15 +60,12 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
     const PlantProperties properties = problem.plant(fit.effects, f).properties();
-    std::vector<Whitener> whiteners;
-    for (int axis = 0; axis < kAxes; ++axis)
-      whiteners.emplace_back(flight.times(), flight.scatter_variance()[static_cast<std::size_t>(axis)],
-                             flight.travel(), fit.noise, static_cast<Axis>(axis));
+    const auto whiteners = flight.whiteners(fit.noise);
     Eigen::VectorXd e = fit.innovations[f];
     const std::size_t n = flight.frames();
     std::vector<double> h(kResponse);
     while (impulse.events.size() < kMostEvents) {
-      const Jump jump = best_jump(flight, f, whiteners, e);
+      const Jump jump = best_jump(flight, f, *whiteners, e);
       if (jump.gain < threshold) break;
       const double middle = 0.5 * (flight.times()[jump.frame] + flight.times()[jump.frame + 1]);
       impulse.events.push_back(
@@ -77,7 +74,7 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
            jump.velocity[kYaw] * properties.inertia_kg_m2});
       for (int axis = 0; axis < kAxes; ++axis) {
         const std::size_t count =
-            whiteners[static_cast<std::size_t>(axis)].step_response(jump.frame, kResponse, h.data());
+            (*whiteners)[static_cast<std::size_t>(axis)].step_response(jump.frame, kResponse, h.data());
         for (std::size_t j = 0; j < count; ++j)
           e[static_cast<Eigen::Index>(static_cast<std::size_t>(axis) * n + jump.frame + 1 + j)] +=
               h[j] * jump.velocity[axis];

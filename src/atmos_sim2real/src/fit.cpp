@@ -126,25 +126,28 @@ bool shapes_response(const Effect& effect) {
          std::holds_alternative<ClockSkew>(effect);
 }
 
-// Column of a linear parameter: the motion that a unit of it alone makes, which needs no thrusters and no
-// valve edges.
-Eigen::VectorXd linear_column(const Problem& problem, const std::vector<Effect>& effects,
-                              const FreeParameter& free, std::size_t flight_index, const NoiseModel& noise) {
+// Effects that push from outside, whatever the thrusters do and without a state of their own.
+bool acts_from_outside(const Effect& effect) {
+  return std::holds_alternative<FloorTilt>(effect) || std::holds_alternative<FloorUnevenness>(effect) ||
+         std::holds_alternative<Airflow>(effect) || std::holds_alternative<Tether>(effect) ||
+         std::holds_alternative<ViscousDrag>(effect) || std::holds_alternative<QuadraticDrag>(effect) ||
+         std::holds_alternative<CoulombFriction>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
+         std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FloorVibration>(effect);
+}
+
+// The motion that an effect from outside makes by itself, whitened: needs no thrusters and no valve edges.
+Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const std::vector<Effect>& others,
+                           std::size_t flight_index, const NoiseModel& noise) {
   const Flight& flight = (*problem.flights)[flight_index];
   Vehicle coasting = *problem.vehicle;
   coasting.thrusters.clear();
   std::vector<Effect> acting;
-  for (const std::vector<Effect>* list : {&problem.known, &effects}) {
-    for (const Effect& effect : *list) {
-      if (shapes_response(effect)) acting.push_back(effect);
+  for (const std::vector<Effect>* list : {&problem.known, &others}) {
+    for (const Effect& other : *list) {
+      if (shapes_response(other)) acting.push_back(other);
     }
   }
-  std::vector<Effect> alone = {effects[free.effect]};
-  std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, alone.front());
-  FreeParameter unit = free;
-  unit.effect = 0;
-  parameter(alone, unit) = 1.0;
-  acting.push_back(alone.front());
+  acting.push_back(effect);
   ForceIntegrals forces = flight.integrate(Plant(coasting, std::move(acting), flight.recording().start_s()));
   for (auto& measured : forces.measured) std::fill(measured.begin(), measured.end(), 0.0);
   return innovations(flight, forces, noise);
@@ -165,24 +168,37 @@ Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J) {
   return sum.selfadjointView<Eigen::Lower>();
 }
 
-}  // namespace
-
-namespace {
-
 Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                        const FreeParameter& free, std::size_t f) {
-  if (free.linear) return linear_column(problem, at.effects, free, f, at.noise);
   std::vector<Effect> moved = at.effects;
+  if (free.linear) {
+    std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, moved[free.effect]);
+    parameter(moved, free) = 1.0;
+    return own_motion(problem, moved[free.effect], at.effects, f, at.noise);
+  }
   double& value = parameter(moved, free);
   // Step away from the nearer bound.
   const double step = value + free.step > bounds_of(moved, free).max ? -free.step : free.step;
   value += step;
+  if (acts_from_outside(moved[free.effect]))
+    return (own_motion(problem, moved[free.effect], at.effects, f, at.noise) -
+            own_motion(problem, at.effects[free.effect], at.effects, f, at.noise)) /
+           step;
   const Flight& flight = (*problem.flights)[f];
   const ForceIntegrals forces = flight.integrate(problem.plant(moved, f));
   return (innovations(flight, forces, at.noise) - innovations_at) / step;
 }
 
 }  // namespace
+
+Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Effect& effect,
+                                std::size_t flight) {
+  if (acts_from_outside(effect)) return own_motion(problem, effect, at.effects, flight, at.noise);
+  std::vector<Effect> more = at.effects;
+  more.push_back(effect);
+  const ForceIntegrals forces = (*problem.flights)[flight].integrate(problem.plant(more, flight));
+  return innovations((*problem.flights)[flight], forces, at.noise) - at.innovations[flight];
+}
 
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight) {

@@ -66,20 +66,14 @@ double vehicle_time(const Plant& plant, double stamp) {
          (stamp - plant.start_s() - properties.mocap_latency_s) / (1.0 + properties.stamp_skew);
 }
 
-std::vector<ValveStretch> valve_stretches(const Recording& recording, const Plant& plant, double begin_s,
-                                          double end_s) {
-  ValveSchedule schedule(plant.thruster_count(), plant.properties().timing);
-  for (const ThrusterCommand& command : recording.commands) schedule.add(command);
-  const std::vector<double>& jumps = plant.edges();
-  std::vector<ValveStretch> stretches;
-  for (double t = begin_s; t < end_s;) {
-    double end = std::min(schedule.next_edge(t), end_s);
-    const auto jump = std::upper_bound(jumps.begin(), jumps.end(), t);
-    if (jump != jumps.end()) end = std::min(end, *jump);
-    stretches.push_back({t, end, schedule.openings(t)});
-    t = end;
-  }
-  return stretches;
+bool Path::Key::operator==(const Key& other) const {
+  return timing.command_delay_s == other.timing.command_delay_s &&
+         timing.open_delay_s == other.timing.open_delay_s &&
+         timing.close_delay_s == other.timing.close_delay_s &&
+         timing.dead_since_s == other.timing.dead_since_s && jumps == other.jumps &&
+         latency_s == other.latency_s && skew == other.skew && start_s == other.start_s &&
+         longest_step_s == other.longest_step_s && valves == other.valves &&
+         com_to_marker == other.com_to_marker && yaw_offset_rad == other.yaw_offset_rad;
 }
 
 Flight::Flight(Recording recording) : recording_(std::move(recording)) {
@@ -105,14 +99,26 @@ PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
   return at;
 }
 
-ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame) const {
+std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
+  constexpr double kLongest = 0.02;  // s: a lost frame must not hide how the force changes on the way
+  const PlantProperties& properties = plant.properties();
+  const bool hidden_states = plant.hidden_size() > 1;
+  const Path::Key key{properties.timing,
+                      plant.edges(),
+                      properties.mocap_latency_s,
+                      properties.stamp_skew,
+                      plant.start_s(),
+                      hidden_states ? std::min(kLongest, plant.max_step_s()) : kLongest,
+                      plant.thruster_count(),
+                      properties.marker_B - properties.com_B,
+                      properties.mocap_yaw_offset_rad};
+  return derived_->paths.get(key, [&] { return make_path(plant, key); });
+}
+
+Path Flight::make_path(const Plant& plant, const Path::Key& key) const {
   const std::size_t n = frames();
-  ForceIntegrals out;
-  for (int axis = 0; axis < kAxes; ++axis) {
-    out.measured[axis].resize(n);
-    out.dv[axis].assign(n, 0.0);
-    out.dp[axis].assign(n, 0.0);
-  }
+  Path path;
+  for (auto& measured : path.measured) measured.resize(n);
   std::vector<double> instants(n);
   for (std::size_t i = 0; i < n; ++i) {
     instants[i] = vehicle_time(plant, times_[i]);
@@ -121,53 +127,84 @@ ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* 
     shown.p_WC = {pose.x_m, pose.y_m};
     shown.yaw = pose.yaw_rad;
     const PlanarState<double> state = plant.from_measured(shown);
-    out.measured[kX][i] = state.p_WC.x();
-    out.measured[kY][i] = state.p_WC.y();
-    out.measured[kYaw][i] = state.yaw;
+    path.measured[kX][i] = state.p_WC.x();
+    path.measured[kY][i] = state.p_WC.y();
+    path.measured[kYaw][i] = state.yaw;
   }
 
   // Hidden states run from t0; forces are needed from the first frame on.
-  const double begin = std::min(plant.start_s(), instants.front());
-  const std::vector<ValveStretch> stretches = valve_stretches(recording_, plant, begin, instants.back());
-  VecX<double> hidden = plant.initial_hidden();
-  const bool evolves = hidden.size() > 1;
-  VecX<double> openings(plant.thruster_count());
-  if (hidden_at_frame != nullptr) hidden_at_frame->assign(n, hidden);
+  ValveSchedule schedule(key.valves, key.timing);
+  if (key.valves > 0) {
+    for (const ThrusterCommand& command : recording_.commands) schedule.add(command);
+  }
   std::size_t frame = 0;
-  for (const ValveStretch& stretch : stretches) {
-    openings = Eigen::Map<const VecX<double>>(stretch.openings.data(), plant.thruster_count());
-    double t = stretch.begin_s;
-    while (t < stretch.end_s) {
+  for (double begin = std::min(plant.start_s(), instants.front()); begin < instants.back();) {
+    double stretch_end = std::min(schedule.next_edge(begin), instants.back());
+    const auto jump = std::upper_bound(key.jumps.begin(), key.jumps.end(), begin);
+    if (jump != key.jumps.end()) stretch_end = std::min(stretch_end, *jump);
+    path.openings.emplace_back(key.valves);
+    schedule.openings(begin, path.openings.back().data());
+    for (double t = begin; t < stretch_end;) {
       while (frame + 2 < n && instants[frame + 1] <= t) ++frame;
       const bool before_first = t < instants[0];
       double end =
-          std::min(stretch.end_s, before_first ? instants[0] : std::max(instants[frame + 1], t + 1e-9));
-      if (evolves) end = std::min(end, t + plant.max_step_s());
-      end = std::min(end, t + 0.02);  // a lost frame must not hide how the force changes on the way
-      const double dt = end - t, middle = 0.5 * (t + end);
+          std::min(stretch_end, before_first ? instants[0] : std::max(instants[frame + 1], t + 1e-9));
+      end = std::min(end, t + key.longest_step_s);
+      const double middle = 0.5 * (t + end);
       const double span = instants[frame + 1] - instants[frame];
       const double fraction = before_first ? 0.0 : std::clamp((middle - instants[frame]) / span, 0.0, 1.0);
-      const PlanarState<double> state = plant.from_measured(motion_at(frame, fraction));
-      PlantRate<double> rate = plant.rate<double>(middle, state, hidden, openings);
-      if (evolves) {
-        // Midpoint rule for the hidden states, whose force is taken in the middle of the step too.
-        const VecX<double> half = hidden + 0.5 * dt * rate.hidden;
-        rate = plant.rate<double>(middle, state, half, openings);
-      }
-      hidden += dt * rate.hidden;
-      if (hidden_at_frame != nullptr) (*hidden_at_frame)[before_first ? 0 : frame + 1] = hidden;
-      if (!before_first) {
-        const double to_next = instants[frame + 1] - middle;
-        const double a[kAxes] = {rate.body.a_WC.x(), rate.body.a_WC.y(), rate.body.yaw_acceleration};
-        for (int axis = 0; axis < kAxes; ++axis) {
-          out.dv[axis][frame] += a[axis] * dt;
-          out.dp[axis][frame] += a[axis] * dt * to_next;
-        }
-      }
+      path.steps.push_back({middle, end - t,
+                            before_first ? -1.0 : std::max(0.0, instants[frame + 1] - middle), frame,
+                            path.openings.size() - 1, plant.from_measured(motion_at(frame, fraction))});
       t = end;
+    }
+    begin = stretch_end;
+  }
+  return path;
+}
+
+ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame) const {
+  const std::size_t n = frames();
+  const std::shared_ptr<const Path> along = path(plant);
+  ForceIntegrals out;
+  out.measured = along->measured;
+  for (int axis = 0; axis < kAxes; ++axis) {
+    out.dv[axis].assign(n, 0.0);
+    out.dp[axis].assign(n, 0.0);
+  }
+  VecX<double> hidden = plant.initial_hidden(), half = hidden;
+  const bool evolves = hidden.size() > 1;
+  if (hidden_at_frame != nullptr) hidden_at_frame->assign(n, hidden);
+  PlantRate<double> rate;
+  for (const Path::Step& step : along->steps) {
+    const VecX<double>& openings = along->openings[step.openings];
+    plant.rate(step.middle_s, step.state, hidden, openings, rate);
+    if (evolves) {
+      // Midpoint rule for the hidden states, whose force is taken in the middle of the step too.
+      half = hidden + 0.5 * step.dt * rate.hidden;
+      plant.rate(step.middle_s, step.state, half, openings, rate);
+    }
+    hidden += step.dt * rate.hidden;
+    const bool before_first = step.to_next < 0.0;
+    if (hidden_at_frame != nullptr) (*hidden_at_frame)[before_first ? 0 : step.frame + 1] = hidden;
+    if (before_first) continue;
+    const double dv[kAxes] = {rate.body.a_WC.x() * step.dt, rate.body.a_WC.y() * step.dt,
+                              rate.body.yaw_acceleration * step.dt};
+    for (int axis = 0; axis < kAxes; ++axis) {
+      out.dv[axis][step.frame] += dv[axis];
+      out.dp[axis][step.frame] += dv[axis] * step.to_next;
     }
   }
   return out;
+}
+
+std::shared_ptr<const std::vector<Whitener>> Flight::whiteners(const NoiseModel& noise) const {
+  return derived_->whiteners.get(noise, [&] {
+    std::vector<Whitener> made;
+    for (int axis = 0; axis < kAxes; ++axis)
+      made.emplace_back(times_, scatter_variance_[axis], travel_, noise, static_cast<Axis>(axis));
+    return made;
+  });
 }
 
 void Flight::smooth(const Plant& plant, const NoiseModel& noise, double looseness) {
@@ -201,9 +238,9 @@ void Flight::track(const Plant& plant, const NoiseModel& noise) {
     for (int axis = 0; axis < kAxes; ++axis) {
       position[axis].resize(n);
       velocity[axis].resize(n);
-      Whitener(times_, scatter_variance_[axis], travel_, noise, static_cast<Axis>(axis))
-          .filter(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(),
-                  innovations.data(), position[axis].data(), velocity[axis].data());
+      (*whiteners(noise))[static_cast<std::size_t>(axis)].filter(
+          forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), innovations.data(),
+          position[axis].data(), velocity[axis].data());
     }
     set_motion(plant, position, velocity);
   }
@@ -219,6 +256,7 @@ void Flight::set_motion(const Plant& plant, const std::array<std::vector<double>
     state.yaw_rate = velocity[kYaw][i];
     motion_[i] = plant.measured(state);
   }
+  derived_ = std::make_shared<Derived>();
 }
 
 void Flight::note_scatter(const Plant& plant) {
@@ -226,6 +264,7 @@ void Flight::note_scatter(const Plant& plant) {
   const PlantProperties& properties = plant.properties();
   for (auto& variance : scatter_variance_) variance.assign(n, 0.0);
   travel_.assign(n, 1e-9);
+  derived_ = std::make_shared<Derived>();
   for (std::size_t i = 0; i + 1 < n; ++i) travel_[i] = (motion_[i + 1].p_WC - motion_[i].p_WC).norm() + 1e-9;
 
   std::size_t frame = 0;

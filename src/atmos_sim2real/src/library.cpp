@@ -74,19 +74,10 @@ void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& 
 
     Hypothesis dead;
     dead.kind = ThrusterDead::kKind;
-    dead.onset = true;
     ThrusterDead from_the_start;
     from_the_start.thruster = k;
     dead.starts.push_back({from_the_start, {}});
-    for (const Flight& flight : flights) {
-      constexpr double kScan = 8.0;  // s between onsets of the screen
-      for (double t = flight.recording().start_s() + kScan; t < flight.times().back() - 2.0; t += kScan) {
-        ThrusterDead later;
-        later.thruster = k;
-        later.since_s = t;
-        dead.starts.push_back({later, {}});
-      }
-    }
+    for (const Flight& flight : flights) dead.onsets += flight.recording().duration_s();
     add(std::move(dead));
   }
 }

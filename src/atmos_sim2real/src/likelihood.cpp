@@ -12,9 +12,9 @@ Eigen::VectorXd innovations(const Flight& flight, const ForceIntegrals& forces, 
   const auto n = static_cast<Eigen::Index>(flight.frames());
   Eigen::VectorXd all(kAxes * n);
   double sum = 0.0;
+  const auto whiteners = flight.whiteners(noise);
   for (int axis = 0; axis < kAxes; ++axis) {
-    const Whitener whitener(flight.times(), flight.scatter_variance()[axis], flight.travel(), noise,
-                            static_cast<Axis>(axis));
+    const Whitener& whitener = (*whiteners)[static_cast<std::size_t>(axis)];
     whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(),
                     all.data() + axis * n);
     sum += whitener.log_determinant();

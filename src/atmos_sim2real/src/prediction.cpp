@@ -43,9 +43,9 @@ CausalTrack track(const Recording& recording, const Plant& plant) {
     const ForceIntegrals forces = flight.integrate(plant);
     const std::size_t n = flight.frames();
     std::vector<double> sum(n, 0.0);
-    for (int axis = 0; axis < kAxes; ++axis) {
-      const Whitener whitener(flight.times(), flight.scatter_variance()[axis], flight.travel(), noise,
-                              static_cast<Axis>(axis));
+    const auto whiteners = flight.whiteners(noise);
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+      const Whitener& whitener = (*whiteners)[axis];
       std::vector<double> e(n);
       whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), e.data());
       double total = 0.0;

@@ -10,55 +10,6 @@ namespace {
 
 constexpr std::array<double, 3> kHorizons{5.0, 1.0, 10.0};  // s; figures show the first
 
-// Covariance of [position, velocity, slow acceleration, distortion] of one axis: truth minus estimate.
-struct AxisCovariance {
-  double mocap2, slow2, distortion2, slow_time, length, scatter2;
-  Eigen::Matrix4d P;
-
-  AxisCovariance(const NoiseModel& noise, int axis)
-      : mocap2(noise.mocap[axis] * noise.mocap[axis]),
-        slow2(noise.slow[axis] * noise.slow[axis]),
-        distortion2(noise.distortion[axis] * noise.distortion[axis]),
-        slow_time(noise.slow_time_s),
-        length(noise.distortion_length_m),
-        scatter2(noise.scatter * noise.scatter),
-        P(Eigen::Vector4d(1e2, 1e1, slow2, distortion2).asDiagonal()) {}
-
-  double shown_variance() const { return P(0, 0) + 2.0 * P(0, 3) + P(3, 3) + mocap2; }
-
-  void see() {
-    const Eigen::Vector4d PH = P.col(0) + P.col(3);
-    P -= PH * PH.transpose() / shown_variance();
-  }
-
-  // A prediction knows position and velocity of its start, but takes no slow force and no distortion into
-  // account: those stay at their prior. An optimal estimate is uncorrelated with its own error, so that the
-  // cross covariances stay.
-  void forget_what_predictions_leave_out() {
-    P(2, 2) = slow2;
-    P(3, 3) = distortion2;
-  }
-
-  void advance(double dt, double scatter_variance, double travel) {
-    const double decay = std::exp(-dt / slow_time);
-    const double keep = std::exp(-travel / length);
-    Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
-    F(0, 1) = dt;
-    F(1, 2) = slow_time * (1.0 - decay);
-    F(0, 2) = slow_time * (dt - F(1, 2));
-    F(2, 2) = decay;
-    F(3, 3) = keep;
-    P = F * P * F.transpose();
-    const double q = scatter2 * scatter_variance;
-    P(0, 0) += q * dt * dt / 3.0;
-    P(0, 1) += q * dt / 2.0;
-    P(1, 0) += q * dt / 2.0;
-    P(1, 1) += q;
-    P(2, 2) += slow2 * (1.0 - decay * decay);
-    P(3, 3) += distortion2 * (1.0 - keep * keep);
-  }
-};
-
 // Joins the errors of several recordings, weighted by their windows.
 struct Joined {
   double squares = 0.0, yaw_squares = 0.0, spread = 0.0;
@@ -197,7 +148,7 @@ PredictionError noise_floor(const Recording& recording, const Plant& plant, cons
   double squares[kAxes] = {0.0, 0.0, 0.0};
   for (int axis = 0; axis < kAxes; ++axis) {
     const std::vector<double>& scatter = flight.scatter_variance()[static_cast<std::size_t>(axis)];
-    AxisCovariance filter(noise, axis);
+    AxisCovariance filter(noise, static_cast<Axis>(axis));
     std::size_t next = 0;
     for (std::size_t i = 0; i < times.size() && next < starts.size(); ++i) {
       filter.see();
@@ -205,11 +156,12 @@ PredictionError noise_floor(const Recording& recording, const Plant& plant, cons
         AxisCovariance window = filter;
         window.forget_what_predictions_leave_out();
         for (std::size_t j = i; j + 1 < times.size() && times[j] < starts[next].stamp_s + horizon_s; ++j)
-          window.advance(times[j + 1] - times[j], scatter[j], flight.travel()[j]);
+          window.advance(Transition(noise, times[j + 1] - times[j], flight.travel()[j]), scatter[j]);
         squares[axis] += window.shown_variance();
         ++next;
       }
-      if (i + 1 < times.size()) filter.advance(times[i + 1] - times[i], scatter[i], flight.travel()[i]);
+      if (i + 1 < times.size())
+        filter.advance(Transition(noise, times[i + 1] - times[i], flight.travel()[i]), scatter[i]);
     }
     if (axis == 0) error.windows = next;
   }

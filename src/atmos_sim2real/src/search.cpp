@@ -27,6 +27,11 @@ std::vector<FreeParameter> at_effect(std::vector<FreeParameter> free, std::size_
   return free;
 }
 
+// Nats for the choices that no prior width expresses.
+double choices_of(const Hypothesis& hypothesis) {
+  return hypothesis.penalty + std::log(std::max(1.0, hypothesis.onsets));
+}
+
 // Base columns in information form, so that a candidate costs one Schur complement.
 struct Base {
   std::vector<Eigen::MatrixXd> J;
@@ -51,7 +56,7 @@ Base prepare(const Problem& problem, const Fit& fit) {
 Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   Fit extended = base;
   const std::size_t index = extended.effects.size();
-  const Start& start = hypothesis.starts[at.start];
+  const Start& start = at.start;
   extended.effects.push_back(start.effect);
   for (const FreeParameter& free : at_effect(hypothesis.free, index)) extended.free.push_back(free);
   const std::vector<FreeParameter> linear = at_effect(named(hypothesis.free, start.linear), index);
@@ -64,7 +69,7 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
 Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
   ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
   if (dead == nullptr || dead->since_s == 0.0) return fit;
-  double reach = 12.0;
+  double reach = 1.5;  // s: the screen tries every second
   while (reach > 0.05) {
     const double middle = std::get<ThrusterDead>(fit.effects[effect]).since_s;
     for (int k = -4; k <= 4; ++k) {
@@ -96,92 +101,163 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
 
 }  // namespace
 
+namespace {
+
+// Scores columns of a hypothesis over all flights beside the base, whose own columns take what they can.
+struct Normal {
+  Eigen::MatrixXd H, cross;
+  Eigen::VectorXd g;
+
+  Normal(const Base& base, Eigen::Index n)
+      : H(Eigen::MatrixXd::Zero(n, n)),
+        cross(Eigen::MatrixXd::Zero(base.J.empty() ? 0 : base.J.front().cols(), n)),
+        g(Eigen::VectorXd::Zero(n)) {}
+
+  void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight) {
+    H.noalias() += Z.transpose() * Z;
+    g.noalias() -= Z.transpose() * fit.innovations[flight];
+    if (cross.rows() > 0) cross.noalias() += base.J[flight].transpose() * Z;
+  }
+  // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
+  void project(const Base& base) {
+    if (cross.rows() > 0) H.noalias() -= cross.transpose() * base.information.solve(cross);
+  }
+};
+
+// An effect that is there or not: no prior width says how likely it is to be half there.
+constexpr double kPresencePrice = 3.0;  // nats
+
+double presence_gain(const Normal& normal) {
+  const double g = normal.g[0], H = normal.H(0, 0);
+  const double amplitude = std::clamp(g / std::max(H, 1e-12), 0.0, 1.0);
+  return amplitude * g - 0.5 * amplitude * amplitude * H;
+}
+
+Screened score_presence(const Problem& problem, const Fit& fit, const Base& base,
+                        const Hypothesis& hypothesis, const Start& start) {
+  Normal normal(base, 1);
+  for (std::size_t f = 0; f < problem.flights->size(); ++f)
+    normal.add(base, fit, presence_column(problem, fit, start.effect, f), f);
+  normal.project(base);
+  const double gain = presence_gain(normal);
+  const double choices = choices_of(hypothesis) + std::log(static_cast<double>(hypothesis.starts.size()));
+  return {&hypothesis, start, gain - kPresencePrice - choices, {}, {}, {}, gain};
+}
+
+// The best second for a thruster to die: what it adds to the motion is cut off there.
+Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, const Hypothesis& hypothesis) {
+  const std::vector<Flight>& flights = *problem.flights;
+  ThrusterDead dead = std::get<ThrusterDead>(hypothesis.starts.front().effect);
+  std::vector<ForceIntegrals> lost;  // per flight: motion with the thruster dead minus motion with it
+  std::vector<Eigen::MatrixXd> whole;
+  std::vector<Effect> effects = fit.effects;
+  effects.push_back(dead);
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    lost.push_back(flights[f].integrate(problem.plant(effects, f)));
+    const ForceIntegrals healthy = flights[f].integrate(problem.plant(fit.effects, f));
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+      for (std::size_t i = 0; i < flights[f].frames(); ++i) {
+        lost[f].measured[axis][i] -= healthy.measured[axis][i];
+        lost[f].dv[axis][i] -= healthy.dv[axis][i];
+        lost[f].dp[axis][i] -= healthy.dp[axis][i];
+      }
+    }
+    whole.emplace_back(innovations(flights[f], lost[f], fit.noise));
+  }
+  Screened best{&hypothesis, hypothesis.starts.front(), 0.0, {}, {}, {}, -1.0};
+  const auto consider = [&](double since_s, std::size_t first, const Eigen::MatrixXd* first_column) {
+    Normal normal(base, 1);
+    for (std::size_t f = 0; f < flights.size(); ++f) {
+      const bool later = flights[f].times().front() > since_s;
+      if (f == first && first_column != nullptr)
+        normal.add(base, fit, *first_column, f);
+      else if (later)
+        normal.add(base, fit, whole[f], f);
+    }
+    normal.project(base);
+    const double gain = presence_gain(normal);
+    if (gain <= best.gain) return;
+    best.gain = gain;
+    std::get<ThrusterDead>(best.start.effect).since_s = since_s;
+  };
+  consider(0.0, flights.size(), nullptr);
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    const std::vector<double>& times = flights[f].times();
+    ForceIntegrals rest = lost[f];
+    std::size_t frame = 0;
+    for (double since = times.front() + 1.0; since < times.back() - 2.0; since += 1.0) {
+      for (; times[frame] < since; ++frame) {
+        for (std::size_t axis = 0; axis < kAxes; ++axis) rest.dv[axis][frame] = rest.dp[axis][frame] = 0.0;
+      }
+      const Eigen::MatrixXd column = innovations(flights[f], rest, fit.noise);
+      consider(since, f, &column);
+    }
+  }
+  best.score = best.gain - kPresencePrice - choices_of(hypothesis);
+  return best;
+}
+
+Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& base,
+                          const Hypothesis& hypothesis, const Start& start) {
+  Fit at;
+  at.effects = fit.effects;
+  at.effects.push_back(start.effect);
+  at.noise = fit.noise;
+  const std::vector<FreeParameter> linear =
+      at_effect(named(hypothesis.free, start.linear), fit.effects.size());
+  const auto n = static_cast<Eigen::Index>(linear.size());
+  Normal normal(base, n);
+  for (std::size_t f = 0; f < problem.flights->size(); ++f)
+    normal.add(base, fit, column_block(problem, at, fit.innovations[f], linear, f), f);
+  normal.project(base);
+
+  Screened out{&hypothesis, start, 0.0, {}, {}, Eigen::VectorXd(n), 0.0};
+  Eigen::MatrixXd S = normal.H;
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const double width = linear[static_cast<std::size_t>(p)].prior_width;
+    S(p, p) += 1.0 / (width * width);
+    out.widths[p] = width;
+  }
+  const Eigen::LLT<Eigen::MatrixXd> factor(S);
+  out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
+  out.amplitude = factor.solve(normal.g);
+  const double log_occam =
+      out.widths.array().log().sum() + factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
+  // What the bounds forbid earns nothing.
+  for (Eigen::Index p = 0; p < n; ++p) {
+    double& value = parameter(at.effects, linear[static_cast<std::size_t>(p)]);
+    const double neutral = value;
+    value += out.amplitude[p];
+    clamp_to_bounds(at.effects, {linear[static_cast<std::size_t>(p)]});
+    out.amplitude[p] = value - neutral;
+  }
+  const double linear_gain = out.amplitude.dot(normal.g);
+  out.gain = linear_gain - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
+  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - log_occam - hypothesis.penalty -
+              std::log(static_cast<double>(hypothesis.starts.size()));
+  return out;
+}
+
+}  // namespace
+
 std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
                              const std::vector<Hypothesis>& library) {
   const Base base = prepare(problem, base_fit);
-  const std::size_t flights = problem.flights->size();
   struct Job {
     const Hypothesis* hypothesis;
-    std::size_t start;
+    const Start* start;
   };
   std::vector<Job> jobs;
   for (const Hypothesis& hypothesis : library) {
-    for (std::size_t s = 0; s < hypothesis.starts.size(); ++s) jobs.push_back({&hypothesis, s});
+    for (const Start& start : hypothesis.starts) jobs.push_back({&hypothesis, &start});
   }
   std::vector<Screened> scored(jobs.size());
   in_parallel(jobs.size(), [&](std::size_t j) {
     const Hypothesis& hypothesis = *jobs[j].hypothesis;
-    const Start& start = hypothesis.starts[jobs[j].start];
-    std::vector<Effect> effects = base_fit.effects;
-    effects.push_back(start.effect);
-    const std::vector<FreeParameter> linear =
-        at_effect(named(hypothesis.free, start.linear), effects.size() - 1);
-    const auto n = static_cast<Eigen::Index>(std::max<std::size_t>(1, linear.size()));
-    const bool presence = linear.empty();
-
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(n);
-    const Eigen::Index b = base.J.empty() ? 0 : base.J.front().cols();
-    Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(b, n);
-    for (std::size_t f = 0; f < flights; ++f) {
-      const Flight& flight = (*problem.flights)[f];
-      const auto residual = [&](const std::vector<Effect>& model) {
-        return innovations(flight, flight.integrate(problem.plant(model, f)), base_fit.noise);
-      };
-      Eigen::MatrixXd Z(base_fit.innovations[f].size(), n);
-      if (presence) {
-        Z.col(0) = residual(effects) - base_fit.innovations[f];
-      } else {
-        Fit at;
-        at.effects = effects;
-        at.noise = base_fit.noise;
-        Z = column_block(problem, at, base_fit.innovations[f], linear, f);
-      }
-      H.noalias() += Z.transpose() * Z;
-      g.noalias() -= Z.transpose() * base_fit.innovations[f];
-      if (b > 0) {
-        cross.noalias() += base.J[f].transpose() * Z;
-      }
-    }
-    if (b > 0) {
-      H.noalias() -= cross.transpose() * base.information.solve(cross);
-      // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
-    }
-    Screened& out = scored[j];
-    out.hypothesis = &hypothesis;
-    out.start = jobs[j].start;
-    if (presence) {
-      const double amplitude = std::clamp(g[0] / std::max(H(0, 0), 1e-12), 0.0, 1.0);
-      out.amplitude = Eigen::VectorXd();
-      out.gain = amplitude * g[0] - 0.5 * amplitude * amplitude * H(0, 0);
-      out.score = out.gain - 3.0;
-    } else {
-      Eigen::MatrixXd S = H;
-      double log_occam = 0.0;
-      for (Eigen::Index p = 0; p < n; ++p) {
-        const double width = linear[static_cast<std::size_t>(p)].prior_width;
-        S(p, p) += 1.0 / (width * width);
-        log_occam += std::log(width);
-      }
-      out.deviation = S.llt().solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
-      out.widths = Eigen::VectorXd(n);
-      for (Eigen::Index p = 0; p < n; ++p) out.widths[p] = linear[static_cast<std::size_t>(p)].prior_width;
-      const Eigen::LLT<Eigen::MatrixXd> factor(S);
-      out.amplitude = factor.solve(g);
-      log_occam += factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
-      // What the bounds forbid earns nothing.
-      std::vector<Effect> moved = effects;
-      for (Eigen::Index p = 0; p < n; ++p) {
-        double& value = parameter(moved, linear[static_cast<std::size_t>(p)]);
-        const double neutral = value;
-        value += out.amplitude[p];
-        clamp_to_bounds(moved, {linear[static_cast<std::size_t>(p)]});
-        out.amplitude[p] = value - neutral;
-      }
-      out.gain = out.amplitude.dot(g) - 0.5 * out.amplitude.dot(H * out.amplitude);
-      out.score = out.amplitude.dot(g) - 0.5 * out.amplitude.dot(S * out.amplitude) - log_occam;
-    }
-    out.score -= hypothesis.penalty + std::log(static_cast<double>(hypothesis.starts.size()));
+    const Start& start = *jobs[j].start;
+    scored[j] = hypothesis.onsets > 0.0 ? scan_onsets(problem, base_fit, base, hypothesis)
+                : start.linear.empty()  ? score_presence(problem, base_fit, base, hypothesis, start)
+                                        : score_amplitudes(problem, base_fit, base, hypothesis, start);
   });
   std::sort(scored.begin(), scored.end(),
             [](const Screened& a, const Screened& b) { return a.score > b.score; });
@@ -190,19 +266,13 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
 
 namespace {
 
-// Nats for the choices that no prior width expresses.
-double choices_of(const Hypothesis& hypothesis) {
-  return hypothesis.penalty +
-         (hypothesis.onset ? std::log(static_cast<double>(hypothesis.starts.size())) : 0.0);
-}
-
 // Fits the current model with one screened hypothesis.
 Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
   Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
-  if (hypothesis.onset) {
+  if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
     fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
   }

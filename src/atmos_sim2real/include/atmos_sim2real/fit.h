@@ -64,6 +64,10 @@ std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight);
 
+// What a further effect, as it stands, changes of one flight's innovations.
+Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Effect& effect,
+                                std::size_t flight);
+
 // Gauss-Newton with step control from the given effects, at most `iterations` steps; bounds of the parameters
 // hold.
 Fit refine(const Problem& problem, Fit start, int iterations);

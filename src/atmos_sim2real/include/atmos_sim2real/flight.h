@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "atmos_model/plant.h"
+#include "atmos_sim2real/recent.h"
 #include "atmos_sim2real/recording.h"
 #include "atmos_sim2real/whitener.h"
 
@@ -17,6 +18,30 @@ struct ForceIntegrals {
   std::array<std::vector<double>, kAxes> measured;
   std::array<std::vector<double>, kAxes> dv;
   std::array<std::vector<double>, kAxes> dp;
+};
+
+// The motion cut into steps over which no valve moves: where a plant's forces are evaluated.
+struct Path {
+  // All that the steps depend on besides the motion.
+  struct Key {
+    ValveTiming timing;
+    std::vector<double> jumps;  // of forces, for reasons other than valves
+    double latency_s, skew, start_s, longest_step_s;
+    int valves;
+    Eigen::Vector2d com_to_marker;
+    double yaw_offset_rad;
+
+    bool operator==(const Key& other) const;
+  };
+  struct Step {
+    double middle_s, dt;
+    double to_next;  // from the middle to the next frame; negative before the first frame
+    std::size_t frame, openings;
+    PlanarState<double> state;  // of the centre of mass, in the middle
+  };
+  std::vector<Step> steps;
+  std::vector<VecX<double>> openings;
+  std::array<std::vector<double>, kAxes> measured;  // pose of the centre of mass that each frame shows
 };
 
 class Flight {
@@ -36,6 +61,9 @@ class Flight {
   // given, receives the hidden states at every frame.
   ForceIntegrals integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame = nullptr) const;
 
+  // One whitener per axis.
+  std::shared_ptr<const std::vector<Whitener>> whiteners(const NoiseModel& noise) const;
+
   // For Whitener: variance of the velocity change per interval for unit relative scatter of each pulse, and
   // path length.
   const std::array<std::vector<double>, kAxes>& scatter_variance() const { return scatter_variance_; }
@@ -46,6 +74,8 @@ class Flight {
 
  private:
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
+  std::shared_ptr<const Path> path(const Plant& plant) const;
+  Path make_path(const Plant& plant, const Path::Key& key) const;
   void note_scatter(const Plant& plant);
   void set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,
                   const std::array<std::vector<double>, kAxes>& velocity);
@@ -55,18 +85,16 @@ class Flight {
   std::vector<PlanarState<double>> motion_;  // one per frame, of the measured point
   std::array<std::vector<double>, kAxes> scatter_variance_;
   std::vector<double> travel_;
+
+  // What was derived from the motion and is asked for again and again; a new motion starts anew.
+  struct Derived {
+    Recent<Path::Key, Path> paths;
+    Recent<NoiseModel, std::vector<Whitener>> whiteners;
+  };
+  std::shared_ptr<Derived> derived_ = std::make_shared<Derived>();
 };
 
 // When the vehicle was as a frame stamped `stamp` shows it (docs/effects.md, clock_skew and mocap_latency).
 double vehicle_time(const Plant& plant, double stamp);
-
-// The valves' openings as a list of constant stretches.
-struct ValveStretch {
-  double begin_s;
-  double end_s;
-  std::vector<double> openings;
-};
-std::vector<ValveStretch> valve_stretches(const Recording& recording, const Plant& plant, double begin_s,
-                                          double end_s);
 
 }  // namespace atmos

@@ -23,7 +23,7 @@ struct Hypothesis {
   std::vector<FreeParameter> free;  // `effect` index to be filled in by the user
   double penalty = 0.0;  // nats for the choices that no prior width expresses: which thruster, which event
   bool map = false;      // many coefficients: screens badly, always deserves a fit
-  bool onset = false;    // since_s is searched along the pulses
+  double onsets = 0.0;   // seconds of flight in which it may begin; 0: it is there all the time
   bool one_recording = false;  // an event or a phase: cannot be confirmed on another flight
 };
 

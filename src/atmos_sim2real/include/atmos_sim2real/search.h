@@ -11,10 +11,10 @@
 
 namespace atmos {
 
-// One hypothesis at its best start, scored by the linearised likelihood gain over the current model.
+// One hypothesis at one start, scored by the linearised likelihood gain over the current model.
 struct Screened {
   const Hypothesis* hypothesis;
-  std::size_t start;
+  Start start;
   double score;               // nats, Occam factor and penalty taken off
   Eigen::VectorXd amplitude;  // of the start's linear parameters, from neutral
   Eigen::VectorXd

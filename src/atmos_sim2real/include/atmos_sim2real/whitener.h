@@ -1,7 +1,6 @@
 // Whitening: turns pose minus double-integrated force into independent unit normals, if the model is right.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -19,6 +18,43 @@ struct NoiseModel {
   std::array<double, kAxes> distortion{0, 0,
                                        0};  // smooth error of the mocap over the floor, standard deviation
   double distortion_length_m = 0.7;         // its correlation length along the path
+
+  bool operator==(const NoiseModel& other) const {
+    return mocap == other.mocap && slow == other.slow && slow_time_s == other.slow_time_s &&
+           scatter == other.scatter && distortion == other.distortion &&
+           distortion_length_m == other.distortion_length_m;
+  }
+};
+
+// How an axis moves on by itself from one frame to the next.
+struct Transition {
+  double dt;
+  double slow_decay, slow_to_v, slow_to_p;  // of the slow acceleration, and what it adds meanwhile
+  double distortion_decay;
+
+  Transition(const NoiseModel& noise, double dt, double travel_m);
+};
+
+// Covariance of one axis' error in [position, velocity, slow acceleration, distortion].
+class AxisCovariance {
+ public:
+  // Nothing is known of position and velocity: far wider than anything a recording can show.
+  AxisCovariance(const NoiseModel& noise, Axis axis);
+
+  // Variance of what a frame shows.
+  double shown_variance() const { return pp_ + 2.0 * pb_ + bb_ + mocap2_; }
+  // Takes a frame into account; the gains of the four states.
+  std::array<double, 4> see();
+  // `scatter_variance`: of the velocity change meanwhile for scatter 1.
+  void advance(const Transition& transition, double scatter_variance);
+  // A prediction knows position and velocity of its start, but takes no slow force and no distortion into
+  // account: those stay at their prior. An optimal estimate is uncorrelated with its own error, so that the
+  // cross covariances stay.
+  void forget_what_predictions_leave_out();
+
+ private:
+  double mocap2_, slow2_, distortion2_, scatter2_;
+  double pp_ = 1e2, pv_ = 0, pa_ = 0, pb_ = 0, vv_ = 1e1, va_ = 0, vb_ = 0, aa_, ab_ = 0, bb_;
 };
 
 // The gains of one axis of one recording: they depend on the frame times, the pulses and the noise alone, so
@@ -60,9 +96,8 @@ class Whitener {
            const AfterFrame& after_frame) const;
 
   struct Step {
-    double dt;  // to the next frame
-    double slow_decay, slow_to_v, slow_to_p, distortion_decay;
-    double gain[4];
+    Transition to_next;
+    std::array<double, 4> gain;
     double inverse_deviation;
   };
   std::vector<Step> step_;
