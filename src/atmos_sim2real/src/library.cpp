@@ -182,6 +182,16 @@ Hypothesis slosh() {
 
 }  // namespace
 
+std::vector<Hypothesis> finer_and_coarser(const Hypothesis& map, const std::vector<Flight>& flights) {
+  std::vector<Hypothesis> others;
+  if (map.kind == FloorUnevenness::kKind) {
+    for (const double spacing : {0.6, 0.3, 0.22}) others.push_back(unevenness(visited(flights), spacing));
+  } else if (map.kind == Airflow::kKind) {
+    for (const double spacing : {1.4, 0.6}) others.push_back(airflow(visited(flights), spacing));
+  }
+  return others;
+}
+
 std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights) {
   std::vector<Hypothesis> all;
   all.push_back(simple(ThrustScale{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));
@@ -224,7 +234,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(FloorTilt{},
                        {free_scalar("slope_x", 0.0, 8e-4, 1e-5), free_scalar("slope_y", 0.0, 8e-4, 1e-5)}));
   const Box box = visited(flights);
-  for (const double spacing : {0.6, 0.42, 0.3}) all.push_back(unevenness(box, spacing));
+  all.push_back(unevenness(box, 0.42));
   all.push_back(airflow(box, 0.9));
   all.push_back(tether(box));
   all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 0.4, 1e-3),

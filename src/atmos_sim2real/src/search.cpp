@@ -221,6 +221,7 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
   const Eigen::LLT<Eigen::MatrixXd> factor(S);
   out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
   out.amplitude = factor.solve(normal.g);
+  out.chance = 0.5 * factor.solve(normal.H).trace();
   const double log_occam =
       out.widths.array().log().sum() + factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
   // What the bounds forbid earns nothing.
@@ -340,7 +341,28 @@ Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
   return fit(problem, std::move(effects), std::move(free), fit_with.noise);
 }
 
-// The best starts of the best hypotheses, and every map.
+std::string label(const Hypothesis& hypothesis) {
+  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "");
+}
+
+// The model whose last effect is a map, on the grid that has most evidence.
+Fit best_grid(const Problem& problem, Fit current, std::vector<Claim>& claims,
+              const SearchOptions& options) {
+  const Fit rest = without(problem, current, current.effects.size() - 1);
+  for (const Hypothesis& other : finer_and_coarser(claims.back().hypothesis, *problem.flights)) {
+    Screened start{&other, other.starts.front(), 0.0, {}, {}, {}};
+    start.amplitude = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(other.free.size()));
+    Tried tried = attempt(problem, rest, start);
+    options.progress("  " + label(other) + " on another grid: " +
+                     std::to_string(tried.fit.evidence - current.evidence) + " nats");
+    if (tried.fit.evidence <= current.evidence) continue;
+    current = std::move(tried.fit);
+    claims.back().hypothesis = other;
+  }
+  return current;
+}
+
+// The best starts of the best hypotheses, and every map that is not hopeless.
 std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
   std::vector<Screened> chosen;
   std::map<const Hypothesis*, std::size_t> taken;
@@ -349,16 +371,15 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
     std::size_t& starts = taken[candidate.hypothesis];
     const bool map = candidate.hypothesis->map;
     if (starts == 0 ? (kinds >= most && !map) : starts >= 2) continue;
-    if (!map && candidate.score < 0.0) continue;
+    // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
+    // than a map of nothing would (three standard deviations of half a chi-square).
+    if (map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance) : candidate.score < 0.0)
+      continue;
     if (starts == 0 && !map) ++kinds;
     ++starts;
     chosen.push_back(candidate);
   }
   return chosen;
-}
-
-std::string label(const Hypothesis& hypothesis) {
-  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "");
 }
 
 // A tilted floor under a height map is one height map (docs/effects.md).
@@ -477,6 +498,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     // Velocities under the better model, then everything again at its noise.
     smooth_all(problem, current.effects, current.noise, 4.0);
     current = fit(problem, current.effects, current.free, current.noise);
+    if (claims.back().hypothesis.map) current = best_grid(problem, std::move(current), claims, options);
 
     // What came earlier must still be needed beside what came later.
     for (std::size_t i = 0; i + 1 < claims.size();) {

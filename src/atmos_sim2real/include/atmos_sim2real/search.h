@@ -21,6 +21,7 @@ struct Screened {
       deviation;  // what the flights would leave of each linear parameter's uncertainty, alone in its effect
   Eigen::VectorXd widths;  // prior widths of the same
   double gain = 0.0;       // nats, without prior, Occam factor and penalty
+  double chance = 0.0;     // nats that it would gain if it were absent: half its effective parameters
 };
 
 // For the p-value: what one hypothesis gains over the nominal model, and with how many parameters.
