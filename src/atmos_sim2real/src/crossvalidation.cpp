@@ -73,11 +73,7 @@ std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const 
     return loss;
   }
   const std::vector<Eigen::MatrixXd> J = jacobians(problem, fit, fit.free);
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index p = 0; p < n; ++p) {
-    const double width = fit.free[static_cast<std::size_t>(p)].prior_width;
-    H(p, p) = 1.0 / (width * width);
-  }
+  Eigen::MatrixXd H = prior_precision(fit.free);
   for (const Eigen::MatrixXd& j : J) H.noalias() += j.transpose() * j;
   in_parallel(blocks.size(), [&](std::size_t k) {
     const Eigen::MatrixXd j = rows(J[blocks[k].flight], blocks[k]);

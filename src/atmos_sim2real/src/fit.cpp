@@ -58,16 +58,10 @@ Bounds bounds_of(const std::vector<Effect>& effects, const FreeParameter& free) 
   return bounds;
 }
 
-double prior_penalty(const Fit& fit) {
-  double sum = 0.0;
-  for (const FreeParameter& free : fit.free) {
-    const double z = (parameter(fit.effects, free) - free.prior_mean) / free.prior_width;
-    sum += 0.5 * z * z;
-  }
-  return sum;
+double objective(const Fit& fit) {
+  const Eigen::VectorXd away = from_prior_mean(fit.effects, fit.free);
+  return fit.log_likelihood - 0.5 * away.dot(prior_precision(fit.free) * away);
 }
-
-double objective(const Fit& fit) { return fit.log_likelihood - prior_penalty(fit); }
 
 }  // namespace
 
@@ -80,6 +74,43 @@ double& parameter(std::vector<Effect>& effects, const FreeParameter& free) {
 
 double parameter(const std::vector<Effect>& effects, const FreeParameter& free) {
   return parameter(const_cast<std::vector<Effect>&>(effects), free);
+}
+
+Eigen::MatrixXd prior_precision(const std::vector<FreeParameter>& free) {
+  const auto n = static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd precision = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index p = 0; p < n; ++p) {
+    const FreeParameter& a = free[static_cast<std::size_t>(p)];
+    if (a.joint == nullptr) {
+      precision(p, p) = 1.0 / (a.prior_width * a.prior_width);
+      continue;
+    }
+    for (Eigen::Index q = 0; q < n; ++q) {
+      const FreeParameter& b = free[static_cast<std::size_t>(q)];
+      if (b.joint == a.joint && b.name == a.name)
+        precision(p, q) =
+            (*a.joint)(static_cast<Eigen::Index>(a.element), static_cast<Eigen::Index>(b.element));
+    }
+  }
+  return precision;
+}
+
+Eigen::VectorXd from_prior_mean(const std::vector<Effect>& effects, const std::vector<FreeParameter>& free) {
+  Eigen::VectorXd away(static_cast<Eigen::Index>(free.size()));
+  for (std::size_t p = 0; p < free.size(); ++p)
+    away[static_cast<Eigen::Index>(p)] = parameter(effects, free[p]) - free[p].prior_mean;
+  return away;
+}
+
+double occam_factor(const Eigen::MatrixXd& prior, const Eigen::MatrixXd& posterior,
+                    const std::vector<FreeParameter>& free) {
+  Eigen::VectorXd width(static_cast<Eigen::Index>(free.size()));  // makes numbers of parameters in any unit
+  for (std::size_t p = 0; p < free.size(); ++p) width[static_cast<Eigen::Index>(p)] = free[p].prior_width;
+  const auto half_log_determinant = [&](const Eigen::MatrixXd& precision) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(width.asDiagonal() * precision * width.asDiagonal());
+    return factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
+  };
+  return half_log_determinant(posterior) - half_log_determinant(prior);
 }
 
 void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free) {
@@ -230,23 +261,14 @@ std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
 Fit refine(const Problem& problem, Fit current, int iterations) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
-  Eigen::VectorXd prior_precision(n);
-  for (Eigen::Index p = 0; p < n; ++p) {
-    const double width = current.free[static_cast<std::size_t>(p)].prior_width;
-    prior_precision[p] = 1.0 / (width * width);
-  }
+  const Eigen::MatrixXd prior = prior_precision(current.free);
   Eigen::MatrixXd H;
   std::vector<Eigen::MatrixXd> J;
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     J = jacobians(problem, current, current.free, J.empty() ? nullptr : &J);
-    H = prior_precision.asDiagonal();
-    Eigen::VectorXd g(n);
-    for (Eigen::Index p = 0; p < n; ++p) {
-      const FreeParameter& free = current.free[static_cast<std::size_t>(p)];
-      g[p] = -prior_precision[p] * (parameter(current.effects, free) - free.prior_mean);
-    }
-    H += information(J);
+    H = prior + information(J);
+    Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
     if (iteration == iterations) break;
 
@@ -276,16 +298,11 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
     if (gain < 1e-2) iteration = iterations - 1;  // one more pass for the matrices at the optimum
   }
 
-  // Laplace: the prior's width over the posterior's, in nats; covariance from blocks, honest about
-  // correlation.
-  const Eigen::VectorXd width = prior_precision.cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = width.asDiagonal() * H * width.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-  const double log_det = 2.0 * factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
-  current.evidence = objective(current) - 0.5 * log_det;
+  current.evidence = objective(current) - occam_factor(prior, H, current.free);
 
+  // Covariance from blocks: honest about correlation that the residual has left.
   const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
-  Eigen::MatrixXd meat = Eigen::MatrixXd(prior_precision.asDiagonal());
+  Eigen::MatrixXd meat = prior;
   constexpr Eigen::Index kBlock = 500;  // frames: 5 s
   for (std::size_t f = 0; f < J.size(); ++f) {
     const Eigen::Index frames = J[f].rows() / kAxes;

@@ -1,5 +1,6 @@
 #include "atmos_sim2real/library.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -82,40 +83,61 @@ void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& 
   }
 }
 
-Hypothesis unevenness(const Box& box, double spacing) {
+// What is plausible of a map: a smooth random field.
+struct Field {
+  double deviation;  // in the map's unit
+  double length_m;   // over which it changes
+  double spacing_m() const { return 0.6 * length_m; }
+};
+
+// Prior precision of a field's nodes (Matern 5/2), row by row.
+std::shared_ptr<const Eigen::MatrixXd> field_precision(const Field& field, std::size_t nx, std::size_t ny) {
+  const auto n = static_cast<Eigen::Index>(nx * ny);
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index a = 0; a < n; ++a) {
+    for (Eigen::Index b = 0; b < n; ++b) {
+      const auto width = static_cast<Eigen::Index>(nx);
+      const double steps =
+          std::hypot(static_cast<double>(a % width - b % width), static_cast<double>(a / width - b / width));
+      const double r = std::sqrt(5.0) * steps * field.spacing_m() / field.length_m;
+      covariance(a, b) = field.deviation * field.deviation * (1.0 + r + r * r / 3.0) * std::exp(-r);
+    }
+    covariance(a, a) += 1e-4 * field.deviation * field.deviation;  // keeps it well conditioned
+  }
+  return std::make_shared<Eigen::MatrixXd>(covariance.llt().solve(Eigen::MatrixXd::Identity(n, n)));
+}
+
+void free_nodes(Hypothesis& map, const std::string& name, const Field& field, std::size_t nx,
+                std::size_t ny) {
+  const auto joint = field_precision(field, nx, ny);
+  for (std::size_t node = 0; node < nx * ny; ++node)
+    map.free.push_back({0, name, node, 0.0, field.deviation, 0.1 * field.deviation, true, joint});
+}
+
+Hypothesis unevenness(const Box& box, const Field& field) {
   FloorUnevenness floor;
   std::size_t nx, ny;
-  floor.grid = grid_over(box, 0.2, spacing, nx, ny);
+  floor.grid = grid_over(box, 0.2, field.spacing_m(), nx, ny);
   floor.height_m.assign(ny, std::vector<double>(nx, 0.0));
   Hypothesis hypothesis;
   hypothesis.kind = FloorUnevenness::kKind;
   hypothesis.map = true;
   hypothesis.starts.push_back({floor, {"height_m"}});
-  for (std::size_t node = 0; node < nx * ny; ++node) {
-    FreeParameter height{0, "height_m", node, 0.0, 6e-4, 1e-4};
-    height.linear = true;
-    hypothesis.free.push_back(height);
-  }
+  free_nodes(hypothesis, "height_m", field, nx, ny);
   return hypothesis;
 }
 
-Hypothesis airflow(const Box& box, double spacing) {
+Hypothesis airflow(const Box& box, const Field& field) {
   Airflow wind;
   std::size_t nx, ny;
-  wind.grid = grid_over(box, 0.0, spacing, nx, ny);
+  wind.grid = grid_over(box, 0.0, field.spacing_m(), nx, ny);
   wind.force_x_n.assign(ny, std::vector<double>(nx, 0.0));
   wind.force_y_n = wind.force_x_n;
   Hypothesis hypothesis;
   hypothesis.kind = Airflow::kKind;
   hypothesis.map = true;
   hypothesis.starts.push_back({wind, {"force_x_n", "force_y_n"}});
-  for (const std::string name : {"force_x_n", "force_y_n"}) {
-    for (std::size_t node = 0; node < nx * ny; ++node) {
-      FreeParameter force{0, name, node, 0.0, 0.05, 1e-3};
-      force.linear = true;
-      hypothesis.free.push_back(force);
-    }
-  }
+  for (const std::string name : {"force_x_n", "force_y_n"}) free_nodes(hypothesis, name, field, nx, ny);
   return hypothesis;
 }
 
@@ -182,12 +204,14 @@ Hypothesis slosh() {
 
 }  // namespace
 
-std::vector<Hypothesis> finer_and_coarser(const Hypothesis& map, const std::vector<Flight>& flights) {
+std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Flight>& flights) {
+  const Box box = visited(flights);
   std::vector<Hypothesis> others;
   if (map.kind == FloorUnevenness::kKind) {
-    for (const double spacing : {0.6, 0.3, 0.22}) others.push_back(unevenness(visited(flights), spacing));
+    for (const Field field : {Field{6e-4, 1.2}, Field{1.2e-3, 1.2}, Field{1.2e-3, 0.7}, Field{6e-4, 0.4}})
+      others.push_back(unevenness(box, field));
   } else if (map.kind == Airflow::kKind) {
-    for (const double spacing : {1.4, 0.6}) others.push_back(airflow(visited(flights), spacing));
+    for (const Field field : {Field{0.05, 2.0}, Field{0.05, 0.7}}) others.push_back(airflow(box, field));
   }
   return others;
 }
@@ -234,8 +258,8 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(FloorTilt{},
                        {free_scalar("slope_x", 0.0, 8e-4, 1e-5), free_scalar("slope_y", 0.0, 8e-4, 1e-5)}));
   const Box box = visited(flights);
-  all.push_back(unevenness(box, 0.42));
-  all.push_back(airflow(box, 0.9));
+  all.push_back(unevenness(box, {6e-4, 0.7}));
+  all.push_back(airflow(box, {0.05, 1.2}));
   all.push_back(tether(box));
   all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 0.4, 1e-3),
                                        free_scalar("angular_n_m_s", 0.0, 0.01, 1e-4)}));

@@ -40,14 +40,9 @@ struct Base {
 
 Base prepare(const Problem& problem, const Fit& fit) {
   Base base;
-  const auto n = static_cast<Eigen::Index>(fit.free.size());
-  if (n == 0) return base;
+  if (fit.free.empty()) return base;
   base.J = jacobians(problem, fit, fit.free);
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index p = 0; p < n; ++p) {
-    const double width = fit.free[static_cast<std::size_t>(p)].prior_width;
-    A(p, p) = 1.0 / (width * width);
-  }
+  Eigen::MatrixXd A = prior_precision(fit.free);
   for (const Eigen::MatrixXd& J : base.J) A.noalias() += J.transpose() * J;
   base.information = A.ldlt();
   return base;
@@ -212,18 +207,13 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
   normal.project(base);
 
   Screened out{&hypothesis, start, 0.0, {}, {}, Eigen::VectorXd(n), 0.0};
-  Eigen::MatrixXd S = normal.H;
-  for (Eigen::Index p = 0; p < n; ++p) {
-    const double width = linear[static_cast<std::size_t>(p)].prior_width;
-    S(p, p) += 1.0 / (width * width);
-    out.widths[p] = width;
-  }
+  for (Eigen::Index p = 0; p < n; ++p) out.widths[p] = linear[static_cast<std::size_t>(p)].prior_width;
+  const Eigen::MatrixXd prior = prior_precision(linear);
+  const Eigen::MatrixXd S = normal.H + prior;
   const Eigen::LLT<Eigen::MatrixXd> factor(S);
   out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
   out.amplitude = factor.solve(normal.g);
   out.chance = 0.5 * factor.solve(normal.H).trace();
-  const double log_occam =
-      out.widths.array().log().sum() + factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
   // What the bounds forbid earns nothing.
   for (Eigen::Index p = 0; p < n; ++p) {
     double& value = parameter(at.effects, linear[static_cast<std::size_t>(p)]);
@@ -234,8 +224,8 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
   }
   const double linear_gain = out.amplitude.dot(normal.g);
   out.gain = linear_gain - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
-  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - log_occam - hypothesis.penalty -
-              std::log(static_cast<double>(hypothesis.starts.size()));
+  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - occam_factor(prior, S, linear) -
+              hypothesis.penalty - std::log(static_cast<double>(hypothesis.starts.size()));
   return out;
 }
 
@@ -345,16 +335,16 @@ std::string label(const Hypothesis& hypothesis) {
   return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "");
 }
 
-// The model whose last effect is a map, on the grid that has most evidence.
-Fit best_grid(const Problem& problem, Fit current, std::vector<Claim>& claims,
-              const SearchOptions& options) {
+// The model whose last effect is a map, with the amplitude and length that have most evidence.
+Fit best_field(const Problem& problem, Fit current, std::vector<Claim>& claims,
+               const SearchOptions& options) {
   const Fit rest = without(problem, current, current.effects.size() - 1);
-  for (const Hypothesis& other : finer_and_coarser(claims.back().hypothesis, *problem.flights)) {
+  for (const Hypothesis& other : other_fields(claims.back().hypothesis, *problem.flights)) {
     Screened start{&other, other.starts.front(), 0.0, {}, {}, {}};
     start.amplitude = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(other.free.size()));
     Tried tried = attempt(problem, rest, start);
-    options.progress("  " + label(other) + " on another grid: " +
-                     std::to_string(tried.fit.evidence - current.evidence) + " nats");
+    options.progress("  " + label(other) +
+                     " as another field: " + std::to_string(tried.fit.evidence - current.evidence) + " nats");
     if (tried.fit.evidence <= current.evidence) continue;
     current = std::move(tried.fit);
     claims.back().hypothesis = other;
@@ -498,7 +488,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     // Velocities under the better model, then everything again at its noise.
     smooth_all(problem, current.effects, current.noise, 4.0);
     current = fit(problem, current.effects, current.free, current.noise);
-    if (claims.back().hypothesis.map) current = best_grid(problem, std::move(current), claims, options);
+    if (claims.back().hypothesis.map) current = best_field(problem, std::move(current), claims, options);
 
     // What came earlier must still be needed beside what came later.
     for (std::size_t i = 0; i + 1 < claims.size();) {

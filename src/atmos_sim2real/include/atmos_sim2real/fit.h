@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,19 @@ struct FreeParameter {
   double step;          // for finite differences
   bool linear =
       false;  // the residual is linear in it and independent of the others: its column never changes
+  // Maps: prior precision of all elements together, by element; prior_width is that of each by itself.
+  std::shared_ptr<const Eigen::MatrixXd> joint = nullptr;
 };
 
 double& parameter(std::vector<Effect>& effects, const FreeParameter& free);
 double parameter(const std::vector<Effect>& effects, const FreeParameter& free);
+
+// Inverse covariance of the prior, and the parameters' distance from its mean.
+Eigen::MatrixXd prior_precision(const std::vector<FreeParameter>& free);
+Eigen::VectorXd from_prior_mean(const std::vector<Effect>& effects, const std::vector<FreeParameter>& free);
+// 1/2 log of the prior's volume over the posterior's (Laplace): what fitting the parameters costs. [nats]
+double occam_factor(const Eigen::MatrixXd& prior_precision, const Eigen::MatrixXd& posterior_precision,
+                    const std::vector<FreeParameter>& free);
 
 // Keeps the parameters within what their effects allow.
 void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free);

@@ -31,7 +31,7 @@ struct Hypothesis {
 // innovations themselves (events, oscillations).
 std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights);
 
-// The same map on other grids, coarse to fine: which one the data can carry only a fit can say.
-std::vector<Hypothesis> finer_and_coarser(const Hypothesis& map, const std::vector<Flight>& flights);
+// The same map with other amplitudes and lengths: which of them the data show only a fit can say.
+std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Flight>& flights);
 
 }  // namespace atmos
