@@ -214,29 +214,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   }
   if (!found.claims.empty()) out.where = locate(problem, gains);
 
-  for (const Screened& screened : found.last_screen) {
-    const Start& start = screened.start;
-    if (start.linear.size() == 0 || screened.deviation.size() == 0 || screened.hypothesis->map) continue;
-    for (Eigen::Index p = 0;
-         p < screened.deviation.size() && p < static_cast<Eigen::Index>(start.linear.size()); ++p) {
-      // An effect of this size would gain what acceptance asks for, Occam's factor on top.
-      const double sigma = screened.deviation[p];
-      const double width = screened.widths[p];
-      const double nats =
-          options.accept_gain + std::log(std::max(1.0, width / sigma)) + screened.hypothesis->penalty;
-      const double size = sigma * std::sqrt(2.0 * nats);
-      Detectable& smallest = out.smallest_detectable[screened.hypothesis->kind];
-      if (!smallest.parameter.empty() && smallest.value <= size) continue;
-      smallest.parameter = start.linear[static_cast<std::size_t>(p)];
-      smallest.value = size;
-      for (const EffectInfo& info : registered_effects()) {
-        if (info.kind != screened.hypothesis->kind) continue;
-        for (const ParameterInfo& parameter : info.parameters) {
-          if (parameter.name == smallest.parameter) smallest.unit = parameter.unit;
-        }
-      }
-    }
-  }
+  out.smallest_detectable = smallest_detectable(problem, found.final, library, options.accept_gain);
 
   for (const Claim& claim : found.claims) {
     std::vector<std::string> same;

@@ -3,7 +3,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <unsupported/Eigen/FFT>
+
+#include "atmos_sim2real/laws.h"
 
 namespace atmos {
 
@@ -51,11 +55,39 @@ Jump best_jump(const Flight& flight, std::size_t index, const std::vector<Whiten
 
 }  // namespace
 
+namespace {
+
+// Nats that one event must bring: it could have been anywhere.
+double event_threshold(const std::vector<Flight>& flights, double least_gain) {
+  double searched = 0.0;
+  for (const Flight& flight : flights) searched += static_cast<double>(flight.frames() / kStride);
+  return least_gain + std::log(searched);
+}
+
+}  // namespace
+
+double smallest_push(const Problem& problem, const Fit& fit, double least_gain) {
+  std::vector<double> sizes;
+  for (std::size_t f = 0; f < problem.flights->size(); ++f) {
+    const Flight& flight = (*problem.flights)[f];
+    const double mass = problem.plant(fit.effects, f).properties().mass_kg;
+    const auto whiteners = flight.whiteners(fit.noise);
+    std::vector<double> h(kResponse);
+    for (std::size_t at = kResponse; at + kResponse < flight.frames(); at += 100) {
+      const std::size_t count = (*whiteners)[kX].step_response(at, kResponse, h.data());
+      double power = 1e-300;
+      for (std::size_t j = 0; j < count; ++j) power += h[j] * h[j];
+      sizes.push_back(mass * std::sqrt(2.0 * event_threshold(*problem.flights, least_gain) / power));
+    }
+  }
+  if (sizes.empty()) return std::numeric_limits<double>::infinity();
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<long>(sizes.size() / 2), sizes.end());
+  return sizes[sizes.size() / 2];
+}
+
 std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, double least_gain) {
   ExternalImpulse impulse;
-  double searched = 0.0;
-  for (const Flight& flight : *problem.flights) searched += static_cast<double>(flight.frames() / kStride);
-  const double threshold = least_gain + std::log(searched);
+  const double threshold = event_threshold(*problem.flights, least_gain);
 
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
@@ -89,7 +121,7 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
   hypothesis.kind = ExternalImpulse::kKind;
   hypothesis.one_recording = true;
   hypothesis.starts.push_back({impulse, {}});
-  hypothesis.penalty = std::log(searched) * static_cast<double>(impulse.events.size());
+  hypothesis.penalty = (threshold - least_gain) * static_cast<double>(impulse.events.size());
   for (std::size_t k = 0; k < impulse.events.size(); ++k) {
     hypothesis.free.push_back({0, "events", 4 * k, impulse.events[k].time_s, 0.2, 4e-3});
     hypothesis.free.push_back({0, "events", 4 * k + 1, 0.0, 0.5, 1e-3});
@@ -99,53 +131,68 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
   return {hypothesis};
 }
 
+namespace {
+
+struct Line {
+  double frequency_hz;
+  double choices;  // frequencies at which it could have been
+};
+
+// The strongest line in the spectrum of the innovations of some axes, where it stands out of white noise.
+std::optional<Line> strongest_line(const Flight& flight, const Eigen::VectorXd& innovations, int first_axis,
+                                   int last_axis, double least_gain) {
+  const std::size_t n = flight.frames();
+  std::size_t padded = 1;
+  while (padded < 2 * n) padded *= 2;
+  const double rate = static_cast<double>(n - 1) / flight.recording().duration_s();
+  // Innovations put on an even grid in time, so that lost frames do not smear the line.
+  const auto cells = static_cast<std::size_t>(std::lround(flight.recording().duration_s() * rate)) + 1;
+  std::vector<double> power(padded / 2, 0.0);
+  Eigen::FFT<double> fft;
+  for (int axis = first_axis; axis <= last_axis; ++axis) {
+    std::vector<double> even(padded, 0.0);
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto cell = static_cast<std::size_t>(std::lround((flight.times()[i] - flight.times()[0]) * rate));
+      if (cell < cells)
+        even[cell] += innovations[static_cast<Eigen::Index>(static_cast<std::size_t>(axis) * n + i)];
+    }
+    std::vector<std::complex<double>> spectrum;
+    fft.fwd(spectrum, even);
+    for (std::size_t k = 0; k < power.size(); ++k)
+      power[k] += std::norm(spectrum[k]) / static_cast<double>(n);
+  }
+  // Below 0.3 Hz the slow force is at home; near the frame rate's half nothing is left of a force.
+  const auto bin = [&](double hz) {
+    return static_cast<std::size_t>(hz * static_cast<double>(padded) / rate);
+  };
+  const std::size_t first = bin(0.3), last = std::min(power.size() - 1, bin(0.4 * rate));
+  const auto peak =
+      std::max_element(power.begin() + static_cast<long>(first), power.begin() + static_cast<long>(last));
+  const double choices = static_cast<double>(last - first);
+  if (*peak < least_gain + std::log(choices)) return std::nullopt;
+  return Line{static_cast<double>(peak - power.begin()) * rate / static_cast<double>(padded), choices};
+}
+
+}  // namespace
+
 std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit, double least_gain) {
   std::vector<Hypothesis> found;
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
-    const std::size_t n = flight.frames();
-    std::size_t padded = 1;
-    while (padded < 2 * n) padded *= 2;
-    const double rate = static_cast<double>(n - 1) / flight.recording().duration_s();
-    // Innovations put on an even grid in time, so that lost frames do not smear the line.
-    const auto cells = static_cast<std::size_t>(std::lround(flight.recording().duration_s() * rate)) + 1;
-    std::vector<double> power(padded / 2, 0.0);
-    Eigen::FFT<double> fft;
-    for (int axis = kX; axis <= kY; ++axis) {
-      std::vector<double> even(padded, 0.0);
-      for (std::size_t i = 0; i < n; ++i) {
-        const auto cell =
-            static_cast<std::size_t>(std::lround((flight.times()[i] - flight.times()[0]) * rate));
-        if (cell < cells)
-          even[cell] += fit.innovations[f][static_cast<Eigen::Index>(static_cast<std::size_t>(axis) * n + i)];
-      }
-      std::vector<std::complex<double>> spectrum;
-      fft.fwd(spectrum, even);
-      for (std::size_t k = 0; k < power.size(); ++k)
-        power[k] += std::norm(spectrum[k]) / static_cast<double>(n);
-    }
-    // Below 0.3 Hz the slow force is at home; near the frame rate's half nothing is left of a force.
-    const auto bin = [&](double hz) {
-      return static_cast<std::size_t>(hz * static_cast<double>(padded) / rate);
-    };
-    const std::size_t first = bin(0.3), last = std::min(power.size() - 1, bin(0.4 * rate));
-    const std::size_t peak = static_cast<std::size_t>(
-        std::max_element(power.begin() + static_cast<long>(first), power.begin() + static_cast<long>(last)) -
-        power.begin());
-    if (power[peak] < least_gain + std::log(static_cast<double>(last - first))) continue;
+    const auto turning = strongest_line(flight, fit.innovations[f], kYaw, kYaw, least_gain);
+    if (turning) found.push_back(swinging_torque(turning->frequency_hz, std::log(turning->choices)));
+    const auto line = strongest_line(flight, fit.innovations[f], kX, kY, least_gain);
+    if (!line) continue;
 
     FloorVibration vibration;
-    vibration.frequency_hz = static_cast<double>(peak) * rate / static_cast<double>(padded);
+    vibration.frequency_hz = line->frequency_hz;
     vibration.amplitude_n = 1.0;
     // Amplitudes of sine and cosine along x and y by least squares, then the line along which they swing.
     Eigen::MatrixXd Z(fit.innovations[f].size(), 4);
     for (int c = 0; c < 4; ++c) {
-      std::vector<Effect> effects = fit.effects;
       vibration.direction_rad = c < 2 ? 0.0 : M_PI / 2.0;
       vibration.phase_rad = c % 2 == 0 ? 0.0 : M_PI / 2.0;
-      effects.push_back(vibration);
-      Z.col(c) =
-          innovations(flight, flight.integrate(problem.plant(effects, f)), fit.noise) - fit.innovations[f];
+      Z.col(c) = presence_column(problem, fit, vibration, f);
     }
     const Eigen::Vector4d a = (Z.transpose() * Z).ldlt().solve(-Z.transpose() * fit.innovations[f]);
     Eigen::Matrix2d swing;  // rows: x, y; columns: sine, cosine
@@ -158,7 +205,7 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
     Hypothesis hypothesis;
     hypothesis.kind = FloorVibration::kKind;
     hypothesis.one_recording = true;
-    hypothesis.penalty = std::log(static_cast<double>(last - first));
+    hypothesis.penalty = std::log(line->choices);
     hypothesis.starts.push_back({vibration, {}});
     hypothesis.free = {{0, "amplitude_n", 0, 0.0, 0.5, 1e-3},
                        {0, "frequency_hz", 0, vibration.frequency_hz, 0.02, 1e-5},

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "atmos_sim2real/laws.h"
+
 namespace atmos {
 
 namespace {
@@ -159,6 +161,7 @@ bool shapes_response(const Effect& effect) {
 
 // Effects that push from outside, whatever the thrusters do and without a state of their own.
 bool acts_from_outside(const Effect& effect) {
+  if (const Unmodelled* law = std::get_if<Unmodelled>(&effect)) return !depends_on_valves(*law);
   return std::holds_alternative<FloorTilt>(effect) || std::holds_alternative<FloorUnevenness>(effect) ||
          std::holds_alternative<Airflow>(effect) || std::holds_alternative<Tether>(effect) ||
          std::holds_alternative<ViscousDrag>(effect) || std::holds_alternative<QuadraticDrag>(effect) ||

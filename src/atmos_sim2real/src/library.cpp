@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "atmos_sim2real/laws.h"
+
 namespace atmos {
 
 namespace {
@@ -87,7 +89,7 @@ void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& 
 struct Field {
   double deviation;  // in the map's unit
   double length_m;   // over which it changes
-  double spacing_m() const { return 0.6 * length_m; }
+  double spacing_m() const { return 0.4 * length_m; }
 };
 
 // Prior precision of a field's nodes (Matern 5/2), row by row.
@@ -208,12 +210,16 @@ std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Fl
   const Box box = visited(flights);
   std::vector<Hypothesis> others;
   if (map.kind == FloorUnevenness::kKind) {
-    for (const Field field : {Field{6e-4, 1.2}, Field{1.2e-3, 1.2}, Field{1.2e-3, 0.7}, Field{6e-4, 0.4}})
+    for (const Field field : {Field{1.2e-3, 0.7}, Field{6e-4, 1.2}, Field{1.2e-3, 1.2}, Field{6e-4, 0.5}})
       others.push_back(unevenness(box, field));
   } else if (map.kind == Airflow::kKind) {
     for (const Field field : {Field{0.05, 2.0}, Field{0.05, 0.7}}) others.push_back(airflow(box, field));
   }
   return others;
+}
+
+bool same_subject(const Hypothesis& a, const Hypothesis& b) {
+  return a.kind == b.kind && a.thruster == b.thruster && a.law == b.law;
 }
 
 std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights) {
@@ -272,6 +278,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
       simple(MarkerOffset{}, {free_scalar("x_m", 0.0, 0.02, 1e-4), free_scalar("y_m", 0.0, 0.02, 1e-4)}));
   all.push_back(simple(YawMisalignment{}, {free_scalar("angle_rad", 0.0, 0.04, 1e-4)}));
   all.push_back(simple(ClockSkew{}, {free_scalar("ratio", 0.0, 1e-3, 1e-6)}));
+  for (Hypothesis& law : laws(vehicle, flights)) all.push_back(std::move(law));
   return all;
 }
 

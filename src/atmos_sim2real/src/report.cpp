@@ -110,9 +110,8 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
 
 bool claimed(const Diagnosis& diagnosis, const Hypothesis& hypothesis) {
   const auto& claims = diagnosis.search.claims;
-  return std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
-    return claim.hypothesis.kind == hypothesis.kind && claim.hypothesis.thruster == hypothesis.thruster;
-  });
+  return std::any_of(claims.begin(), claims.end(),
+                     [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
 }
 
 // What was tried and not claimed: in place of each claim, then beside the final model.
@@ -122,7 +121,8 @@ json rivals_of(const Diagnosis& diagnosis, double start_s) {
   const auto add = [&](const std::vector<Tried>& tried, const std::string& against, double reference) {
     std::vector<std::string> seen;
     for (const Tried& rival : tried) {
-      const std::string name = rival.hypothesis.kind + std::to_string(rival.hypothesis.thruster);
+      const std::string name =
+          rival.hypothesis.kind + std::to_string(rival.hypothesis.thruster) + rival.hypothesis.law;
       if (seen.size() == kMost || claimed(diagnosis, rival.hypothesis) || rival.fit.effects.empty() ||
           std::find(seen.begin(), seen.end(), name) != seen.end())
         continue;

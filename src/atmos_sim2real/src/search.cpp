@@ -7,46 +7,11 @@
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
+#include "atmos_sim2real/laws.h"
 
 namespace atmos {
 
 namespace {
-
-// Which of a hypothesis' free parameters carry a name.
-std::vector<FreeParameter> named(const std::vector<FreeParameter>& all,
-                                 const std::vector<std::string>& names) {
-  std::vector<FreeParameter> chosen;
-  for (const FreeParameter& free : all) {
-    if (std::find(names.begin(), names.end(), free.name) != names.end()) chosen.push_back(free);
-  }
-  return chosen;
-}
-
-std::vector<FreeParameter> at_effect(std::vector<FreeParameter> free, std::size_t effect) {
-  for (FreeParameter& parameter : free) parameter.effect = effect;
-  return free;
-}
-
-// Nats for the choices that no prior width expresses.
-double choices_of(const Hypothesis& hypothesis) {
-  return hypothesis.penalty + std::log(std::max(1.0, hypothesis.onsets));
-}
-
-// Base columns in information form, so that a candidate costs one Schur complement.
-struct Base {
-  std::vector<Eigen::MatrixXd> J;
-  Eigen::LDLT<Eigen::MatrixXd> information;
-};
-
-Base prepare(const Problem& problem, const Fit& fit) {
-  Base base;
-  if (fit.free.empty()) return base;
-  base.J = jacobians(problem, fit, fit.free);
-  Eigen::MatrixXd A = prior_precision(fit.free);
-  for (const Eigen::MatrixXd& J : base.J) A.noalias() += J.transpose() * J;
-  base.information = A.ldlt();
-  return base;
-}
 
 Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   Fit extended = base;
@@ -95,165 +60,6 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
 }
 
 }  // namespace
-
-namespace {
-
-// Scores columns of a hypothesis over all flights beside the base, whose own columns take what they can.
-struct Normal {
-  Eigen::MatrixXd H, cross;
-  Eigen::VectorXd g;
-
-  Normal(const Base& base, Eigen::Index n)
-      : H(Eigen::MatrixXd::Zero(n, n)),
-        cross(Eigen::MatrixXd::Zero(base.J.empty() ? 0 : base.J.front().cols(), n)),
-        g(Eigen::VectorXd::Zero(n)) {}
-
-  void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight) {
-    H.noalias() += Z.transpose() * Z;
-    g.noalias() -= Z.transpose() * fit.innovations[flight];
-    if (cross.rows() > 0) cross.noalias() += base.J[flight].transpose() * Z;
-  }
-  // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
-  void project(const Base& base) {
-    if (cross.rows() > 0) H.noalias() -= cross.transpose() * base.information.solve(cross);
-  }
-};
-
-// An effect that is there or not: no prior width says how likely it is to be half there.
-constexpr double kPresencePrice = 3.0;  // nats
-
-double presence_gain(const Normal& normal) {
-  const double g = normal.g[0], H = normal.H(0, 0);
-  const double amplitude = std::clamp(g / std::max(H, 1e-12), 0.0, 1.0);
-  return amplitude * g - 0.5 * amplitude * amplitude * H;
-}
-
-Screened score_presence(const Problem& problem, const Fit& fit, const Base& base,
-                        const Hypothesis& hypothesis, const Start& start) {
-  Normal normal(base, 1);
-  for (std::size_t f = 0; f < problem.flights->size(); ++f)
-    normal.add(base, fit, presence_column(problem, fit, start.effect, f), f);
-  normal.project(base);
-  const double gain = presence_gain(normal);
-  const double choices = choices_of(hypothesis) + std::log(static_cast<double>(hypothesis.starts.size()));
-  return {&hypothesis, start, gain - kPresencePrice - choices, {}, {}, {}, gain};
-}
-
-// The best second for a thruster to die: what it adds to the motion is cut off there.
-Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, const Hypothesis& hypothesis) {
-  const std::vector<Flight>& flights = *problem.flights;
-  ThrusterDead dead = std::get<ThrusterDead>(hypothesis.starts.front().effect);
-  std::vector<ForceIntegrals> lost;  // per flight: motion with the thruster dead minus motion with it
-  std::vector<Eigen::MatrixXd> whole;
-  std::vector<Effect> effects = fit.effects;
-  effects.push_back(dead);
-  for (std::size_t f = 0; f < flights.size(); ++f) {
-    lost.push_back(flights[f].integrate(problem.plant(effects, f)));
-    const ForceIntegrals healthy = flights[f].integrate(problem.plant(fit.effects, f));
-    for (std::size_t axis = 0; axis < kAxes; ++axis) {
-      for (std::size_t i = 0; i < flights[f].frames(); ++i) {
-        lost[f].measured[axis][i] -= healthy.measured[axis][i];
-        lost[f].dv[axis][i] -= healthy.dv[axis][i];
-        lost[f].dp[axis][i] -= healthy.dp[axis][i];
-      }
-    }
-    whole.emplace_back(innovations(flights[f], lost[f], fit.noise));
-  }
-  Screened best{&hypothesis, hypothesis.starts.front(), 0.0, {}, {}, {}, -1.0};
-  const auto consider = [&](double since_s, std::size_t first, const Eigen::MatrixXd* first_column) {
-    Normal normal(base, 1);
-    for (std::size_t f = 0; f < flights.size(); ++f) {
-      const bool later = flights[f].times().front() > since_s;
-      if (f == first && first_column != nullptr)
-        normal.add(base, fit, *first_column, f);
-      else if (later)
-        normal.add(base, fit, whole[f], f);
-    }
-    normal.project(base);
-    const double gain = presence_gain(normal);
-    if (gain <= best.gain) return;
-    best.gain = gain;
-    std::get<ThrusterDead>(best.start.effect).since_s = since_s;
-  };
-  consider(0.0, flights.size(), nullptr);
-  for (std::size_t f = 0; f < flights.size(); ++f) {
-    const std::vector<double>& times = flights[f].times();
-    ForceIntegrals rest = lost[f];
-    std::size_t frame = 0;
-    for (double since = times.front() + 1.0; since < times.back() - 2.0; since += 1.0) {
-      for (; times[frame] < since; ++frame) {
-        for (std::size_t axis = 0; axis < kAxes; ++axis) rest.dv[axis][frame] = rest.dp[axis][frame] = 0.0;
-      }
-      const Eigen::MatrixXd column = innovations(flights[f], rest, fit.noise);
-      consider(since, f, &column);
-    }
-  }
-  best.score = best.gain - kPresencePrice - choices_of(hypothesis);
-  return best;
-}
-
-Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& base,
-                          const Hypothesis& hypothesis, const Start& start) {
-  Fit at;
-  at.effects = fit.effects;
-  at.effects.push_back(start.effect);
-  at.noise = fit.noise;
-  const std::vector<FreeParameter> linear =
-      at_effect(named(hypothesis.free, start.linear), fit.effects.size());
-  const auto n = static_cast<Eigen::Index>(linear.size());
-  Normal normal(base, n);
-  for (std::size_t f = 0; f < problem.flights->size(); ++f)
-    normal.add(base, fit, column_block(problem, at, fit.innovations[f], linear, f), f);
-  normal.project(base);
-
-  Screened out{&hypothesis, start, 0.0, {}, {}, Eigen::VectorXd(n), 0.0};
-  for (Eigen::Index p = 0; p < n; ++p) out.widths[p] = linear[static_cast<std::size_t>(p)].prior_width;
-  const Eigen::MatrixXd prior = prior_precision(linear);
-  const Eigen::MatrixXd S = normal.H + prior;
-  const Eigen::LLT<Eigen::MatrixXd> factor(S);
-  out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
-  out.amplitude = factor.solve(normal.g);
-  out.chance = 0.5 * factor.solve(normal.H).trace();
-  // What the bounds forbid earns nothing.
-  for (Eigen::Index p = 0; p < n; ++p) {
-    double& value = parameter(at.effects, linear[static_cast<std::size_t>(p)]);
-    const double neutral = value;
-    value += out.amplitude[p];
-    clamp_to_bounds(at.effects, {linear[static_cast<std::size_t>(p)]});
-    out.amplitude[p] = value - neutral;
-  }
-  const double linear_gain = out.amplitude.dot(normal.g);
-  out.gain = linear_gain - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
-  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - occam_factor(prior, S, linear) -
-              hypothesis.penalty - std::log(static_cast<double>(hypothesis.starts.size()));
-  return out;
-}
-
-}  // namespace
-
-std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
-                             const std::vector<Hypothesis>& library) {
-  const Base base = prepare(problem, base_fit);
-  struct Job {
-    const Hypothesis* hypothesis;
-    const Start* start;
-  };
-  std::vector<Job> jobs;
-  for (const Hypothesis& hypothesis : library) {
-    for (const Start& start : hypothesis.starts) jobs.push_back({&hypothesis, &start});
-  }
-  std::vector<Screened> scored(jobs.size());
-  in_parallel(jobs.size(), [&](std::size_t j) {
-    const Hypothesis& hypothesis = *jobs[j].hypothesis;
-    const Start& start = *jobs[j].start;
-    scored[j] = hypothesis.onsets > 0.0 ? scan_onsets(problem, base_fit, base, hypothesis)
-                : start.linear.empty()  ? score_presence(problem, base_fit, base, hypothesis, start)
-                                        : score_amplitudes(problem, base_fit, base, hypothesis, start);
-  });
-  std::sort(scored.begin(), scored.end(),
-            [](const Screened& a, const Screened& b) { return a.score > b.score; });
-  return scored;
-}
 
 namespace {
 
@@ -332,7 +138,8 @@ Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
 }
 
 std::string label(const Hypothesis& hypothesis) {
-  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "");
+  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "") +
+         (hypothesis.law.empty() ? "" : " (" + hypothesis.law + ")");
 }
 
 // The model whose last effect is a map, with the amplitude and length that have most evidence.
@@ -340,7 +147,9 @@ Fit best_field(const Problem& problem, Fit current, std::vector<Claim>& claims,
                const SearchOptions& options) {
   const Fit rest = without(problem, current, current.effects.size() - 1);
   for (const Hypothesis& other : other_fields(claims.back().hypothesis, *problem.flights)) {
-    Screened start{&other, other.starts.front(), 0.0, {}, {}, {}};
+    Screened start;
+    start.hypothesis = &other;
+    start.start = other.starts.front();
     start.amplitude = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(other.free.size()));
     Tried tried = attempt(problem, rest, start);
     options.progress("  " + label(other) +
@@ -372,6 +181,29 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
   return chosen;
 }
 
+// Makes effect `from` part of effect `to`: its free parameters go over to it, or leave.
+void absorb(Fit& fit, std::vector<Claim>& claims, std::size_t from, std::size_t to, bool keep_parameters) {
+  claims[to].gain += claims[from].gain;
+  claims[to].heldout_gain += claims[from].heldout_gain;
+  claims[to].inclusion = std::max(claims[to].inclusion, claims[from].inclusion);
+  std::vector<Eigen::Index> kept;
+  std::vector<FreeParameter> free;
+  for (std::size_t p = 0; p < fit.free.size(); ++p) {
+    FreeParameter parameter = fit.free[p];
+    if (parameter.effect == from) {
+      if (!keep_parameters) continue;
+      parameter.effect = to;
+    }
+    if (parameter.effect > from) --parameter.effect;
+    kept.push_back(static_cast<Eigen::Index>(p));
+    free.push_back(parameter);
+  }
+  fit.covariance = Eigen::MatrixXd(fit.covariance(kept, kept));
+  fit.free = std::move(free);
+  fit.effects.erase(fit.effects.begin() + static_cast<long>(from));
+  claims.erase(claims.begin() + static_cast<long>(from));
+}
+
 // A tilted floor under a height map is one height map (docs/effects.md).
 void merge_floor(Fit& fit, std::vector<Claim>& claims) {
   std::size_t tilt = fit.effects.size(), map = fit.effects.size();
@@ -388,22 +220,68 @@ void merge_floor(Fit& fit, std::vector<Claim>& claims) {
                                                       slope.slope_y * static_cast<double>(j));
     }
   }
-  claims[map].gain += claims[tilt].gain;
-  claims[map].heldout_gain += claims[tilt].heldout_gain;
-  claims[map].inclusion = std::max(claims[map].inclusion, claims[tilt].inclusion);
-  // The slope's parameters leave with it.
-  std::vector<Eigen::Index> kept;
-  std::vector<FreeParameter> free;
-  for (std::size_t p = 0; p < fit.free.size(); ++p) {
-    if (fit.free[p].effect == tilt) continue;
-    kept.push_back(static_cast<Eigen::Index>(p));
-    free.push_back(fit.free[p]);
-    if (free.back().effect > tilt) --free.back().effect;
+  absorb(fit, claims, tilt, map, false);
+}
+
+// What is outside the vocabulary is one effect, however many laws it takes.
+void merge_laws(Fit& fit, std::vector<Claim>& claims) {
+  std::size_t first = fit.effects.size();
+  for (std::size_t i = 0; i < fit.effects.size(); ++i) {
+    if (!std::holds_alternative<Unmodelled>(fit.effects[i])) continue;
+    if (first == fit.effects.size()) {
+      first = i;
+      continue;
+    }
+    Unmodelled& law = std::get<Unmodelled>(fit.effects[first]);
+    const std::size_t before = law.coefficients.size();
+    law = joined(law, std::get<Unmodelled>(fit.effects[i]));
+    for (FreeParameter& free : fit.free) {
+      if (free.effect == i) free.element += before;
+    }
+    claims[first].hypothesis.law += "; " + claims[i].hypothesis.law;
+    absorb(fit, claims, i, first, true);
+    --i;
   }
-  fit.covariance = Eigen::MatrixXd(fit.covariance(kept, kept));
-  fit.free = std::move(free);
-  fit.effects.erase(fit.effects.begin() + static_cast<long>(tilt));
-  claims.erase(claims.begin() + static_cast<long>(tilt));
+}
+
+// An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
+// of each in its place, beside all others.
+void reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims,
+                const std::vector<Hypothesis>& library, const SearchOptions& options) {
+  constexpr double kClearlyBetter = 3.0;  // nats
+  constexpr std::size_t kRivals = 3;
+  std::size_t i = 0;
+  for (std::size_t round = 0, rounds = claims.size(); round < rounds; ++round) {
+    const Fit rest = without(problem, current, i);
+    std::vector<Hypothesis> open;
+    for (const Hypothesis& hypothesis : library) {
+      const bool taken = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
+        return same_subject(claim.hypothesis, hypothesis);
+      });
+      if (!taken) open.push_back(hypothesis);
+    }
+    Claim& claim = claims[i];
+    claim.rivals.clear();
+    claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
+    for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals))
+      claim.rivals.push_back(attempt(problem, rest, candidate));
+    std::sort(claim.rivals.begin(), claim.rivals.end(),
+              [](const Tried& a, const Tried& b) { return a.gain > b.gain; });
+    if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) {
+      ++i;
+      continue;
+    }
+    options.progress("  " + label(claim.rivals.front().hypothesis) + " takes the place of " +
+                     label(claim.hypothesis));
+    Tried better = claim.rivals.front();
+    claim.rivals.erase(claim.rivals.begin());
+    // The newcomer is the last effect of its fit; its claim goes there too.
+    claim.hypothesis = better.hypothesis;
+    claim.gain = claim.rival_reference = better.gain;
+    current = std::move(better.fit);
+    std::rotate(claims.begin() + static_cast<long>(i), claims.begin() + static_cast<long>(i) + 1,
+                claims.end());
+  }
 }
 
 }  // namespace
@@ -421,9 +299,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   std::vector<Claim>& claims = result.claims;
 
   const auto claimed = [&](const Hypothesis& hypothesis) {
-    return std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
-      return claim.hypothesis.kind == hypothesis.kind && claim.hypothesis.thruster == hypothesis.thruster;
-    });
+    return std::any_of(claims.begin(), claims.end(),
+                       [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
   };
   for (;;) {
     std::vector<Hypothesis> open;
@@ -504,6 +381,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     }
   }
 
+  if (claims.size() > 1) reconsider(problem, current, claims, library, options);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const Fit reduced = claims.size() == 1 ? result.nominal : without(problem, current, i);
     const Fit base = evaluate(problem, reduced.effects, reduced.free, reduced.noise);
@@ -512,8 +390,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     claims[i].heldout_gain = blocks.heldout_gain;
     claims[i].inclusion = blocks.inclusion;
   }
+  merge_laws(current, claims);
   merge_floor(current, claims);
-  result.last_screen = screen(problem, current, library);
   result.final = std::move(current);
   return result;
 }

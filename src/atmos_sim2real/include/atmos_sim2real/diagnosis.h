@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "atmos_sim2real/search.h"
+#include "atmos_sim2real/detectability.h"
 
 namespace atmos {
 
@@ -19,13 +19,6 @@ struct Place {
   std::string what;       // time, place, regime or recording
   std::string statement;  // one sentence
   double share = 0.0;
-};
-
-// The smallest size of a kind that these flights would have shown.
-struct Detectable {
-  std::string parameter;
-  double value = 0.0;
-  std::string unit;
 };
 
 struct Diagnosis {

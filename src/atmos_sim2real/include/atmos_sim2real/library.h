@@ -19,6 +19,7 @@ struct Start {
 struct Hypothesis {
   std::string kind;
   int thruster = 0;  // 0: not about one thruster
+  std::string law;   // of kind unmodelled: which one, in words
   std::vector<Start> starts;
   std::vector<FreeParameter> free;  // `effect` index to be filled in by the user
   double penalty = 0.0;  // nats for the choices that no prior width expresses: which thruster, which event
@@ -26,6 +27,9 @@ struct Hypothesis {
   double onsets = 0.0;   // seconds of flight in which it may begin; 0: it is there all the time
   bool one_recording = false;  // an event or a phase: cannot be confirmed on another flight
 };
+
+// Whether both are about the same thing: the same kind of the same thruster, or the same law.
+bool same_subject(const Hypothesis& a, const Hypothesis& b);
 
 // All hypotheses for these flights (they fix where floor and tether grids lie), except those found in the
 // innovations themselves (events, oscillations).

@@ -7,22 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "atmos_sim2real/library.h"
+#include "atmos_sim2real/screen.h"
 
 namespace atmos {
-
-// One hypothesis at one start, scored by the linearised likelihood gain over the current model.
-struct Screened {
-  const Hypothesis* hypothesis;
-  Start start;
-  double score;               // nats, Occam factor and penalty taken off
-  Eigen::VectorXd amplitude;  // of the start's linear parameters, from neutral
-  Eigen::VectorXd
-      deviation;  // what the flights would leave of each linear parameter's uncertainty, alone in its effect
-  Eigen::VectorXd widths;  // prior widths of the same
-  double gain = 0.0;       // nats, without prior, Occam factor and penalty
-  double chance = 0.0;     // nats that it would gain if it were absent: half its effective parameters
-};
 
 // For the p-value: what one hypothesis gains over the nominal model, and with how many parameters.
 struct NominalScore {
@@ -50,9 +37,8 @@ struct Claim {
 struct SearchResult {
   Fit nominal;
   Fit final;
-  std::vector<Claim> claims;          // one per effect of `final`, in the same order
-  std::vector<Tried> rejected;        // tried beside the final model and not accepted, best first
-  std::vector<Screened> last_screen;  // of the final model; hypotheses of the library
+  std::vector<Claim> claims;    // one per effect of `final`, in the same order
+  std::vector<Tried> rejected;  // tried beside the final model and not accepted, best first
   std::vector<NominalScore> nominal_scores;
 };
 
@@ -68,8 +54,5 @@ struct SearchOptions {
 // Smooths the flights as it goes: their velocities are those under the final model afterwards.
 SearchResult search(const Problem& problem, const std::vector<Hypothesis>& library,
                     const SearchOptions& options);
-
-// Scores all hypotheses beside `base`, best first.
-std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library);
 
 }  // namespace atmos

@@ -1,0 +1,25 @@
+// Physics outside the vocabulary: laws in physical units over place, attitude, velocity, time and commands,
+// tried as hypotheses like any other, at a price.
+#pragma once
+
+#include <vector>
+
+#include "atmos_sim2real/library.h"
+
+namespace atmos {
+
+// One hypothesis of kind `unmodelled` per law; each is linear in its coefficients, but for the place of an
+// attraction.
+std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& flights);
+
+// A torque of one frequency, found in the innovations; `penalty`: nats for the choice of the frequency.
+Hypothesis swinging_torque(double frequency_hz, double penalty);
+
+// Whether a law's formulas read an opening.
+bool depends_on_valves(const Unmodelled& law);
+
+// Both laws as one effect: a model holds `unmodelled` once. The coefficients of the second are renamed and
+// come after those of the first.
+Unmodelled joined(const Unmodelled& first, const Unmodelled& second);
+
+}  // namespace atmos

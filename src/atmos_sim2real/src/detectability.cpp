@@ -1,0 +1,114 @@
+#include "atmos_sim2real/detectability.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "atmos_sim2real/discover.h"
+
+namespace atmos {
+
+namespace {
+
+std::string unit_of(const std::string& kind, const std::string& parameter) {
+  for (const EffectInfo& info : registered_effects()) {
+    if (info.kind != kind) continue;
+    for (const ParameterInfo& known : info.parameters) {
+      if (known.name == parameter) return known.unit;
+    }
+  }
+  return "";
+}
+
+// The final model without free parameters of one kind: nothing of that kind explains itself away.
+Fit beside_others(const Fit& final, const std::string& kind) {
+  Fit base = final;
+  base.free.erase(
+      std::remove_if(base.free.begin(), base.free.end(),
+                     [&](const FreeParameter& free) { return kind_of(final.effects[free.effect]) == kind; }),
+      base.free.end());
+  return base;
+}
+
+// Deviation of a random field, relative to its prior's, that brings so many nats on average.
+double field_size(const Eigen::VectorXd& information, double nats) {
+  const auto gain = [&](double size) {
+    return 0.5 * (size * size * information.array() - (1.0 + size * size * information.array()).log()).sum();
+  };
+  double low = 1e-6, high = 1e3;
+  for (int step = 0; step < 60; ++step) {
+    const double middle = std::sqrt(low * high);
+    (gain(middle) < nats ? low : high) = middle;
+  }
+  return high;
+}
+
+// The parameter by which an effect that is there or not is measured, and its size at the start.
+struct Size {
+  std::string parameter;
+  double value;
+};
+
+Size size_of(const Effect& effect, double flown_s) {
+  if (const auto* rise = std::get_if<ThrustRise>(&effect)) return {"time_constant_s", rise->time_constant_s};
+  if (const auto* slosh = std::get_if<Slosh>(&effect)) return {"mass_kg", slosh->mass_kg};
+  if (const auto* swing = std::get_if<FloorVibration>(&effect)) return {"amplitude_n", swing->amplitude_n};
+  return {"since_s", flown_s};
+}
+
+}  // namespace
+
+std::map<std::string, Detectable> smallest_detectable(const Problem& problem, const Fit& final,
+                                                      const std::vector<Hypothesis>& library,
+                                                      double accept_gain) {
+  double flown = 0.0;
+  for (const Flight& flight : *problem.flights) flown += flight.recording().duration_s();
+
+  std::map<std::string, std::vector<Hypothesis>> by_kind;
+  for (Hypothesis hypothesis : library) {
+    if (hypothesis.kind == Unmodelled::kKind) continue;
+    hypothesis.starts = {hypothesis.starts[hypothesis.starts.size() / 2]};
+    hypothesis.onsets = 0.0;
+    by_kind[hypothesis.kind].push_back(hypothesis);
+  }
+  Hypothesis vibration;
+  vibration.kind = FloorVibration::kKind;
+  FloorVibration swing;
+  swing.amplitude_n = 1.0;
+  swing.frequency_hz = 1.0;
+  vibration.starts = {{swing, {}}};
+  vibration.penalty = std::log(50.0 * flown);  // every frequency that the flights resolve
+  by_kind[vibration.kind] = {vibration};
+
+  std::map<std::string, Detectable> smallest;
+  const auto offer = [&](const std::string& kind, const std::string& parameter, double value) {
+    Detectable& best = smallest[kind];
+    if (!std::isfinite(value) || (!best.parameter.empty() && best.value <= value)) return;
+    best = {parameter, value, unit_of(kind, parameter)};
+  };
+  for (const auto& [kind, hypotheses] : by_kind) {
+    for (const Screened& screened : screen(problem, beside_others(final, kind), hypotheses)) {
+      const Hypothesis& hypothesis = *screened.hypothesis;
+      const double nats = accept_gain + hypothesis.penalty;
+      if (hypothesis.map) {
+        offer(kind, screened.start.linear.front(),
+              screened.widths[0] * field_size(screened.information, nats));
+      } else if (screened.start.linear.empty()) {
+        const Size size = size_of(screened.start.effect, flown);
+        // A dead valve's evidence grows with time, the others' with the square of their size.
+        const double share = nats / std::max(screened.presence, 1e-9);
+        offer(kind, size.parameter, size.value * (kind == ThrusterDead::kKind ? share : std::sqrt(share)));
+      } else {
+        for (Eigen::Index p = 0; p < screened.deviation.size(); ++p) {
+          const double deviation = screened.deviation[p];
+          const double occam = std::log(std::max(1.0, screened.widths[p] / deviation));
+          offer(kind, screened.start.linear[static_cast<std::size_t>(p)],
+                deviation * std::sqrt(2.0 * (nats + occam)));
+        }
+      }
+    }
+  }
+  offer(ExternalImpulse::kKind, "events", smallest_push(problem, final, accept_gain));
+  return smallest;
+}
+
+}  // namespace atmos

@@ -1,0 +1,220 @@
+#include "atmos_sim2real/screen.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace atmos {
+
+std::vector<FreeParameter> named(const std::vector<FreeParameter>& all,
+                                 const std::vector<std::string>& names) {
+  std::vector<FreeParameter> chosen;
+  for (const FreeParameter& free : all) {
+    if (std::find(names.begin(), names.end(), free.name) != names.end()) chosen.push_back(free);
+  }
+  return chosen;
+}
+
+std::vector<FreeParameter> at_effect(std::vector<FreeParameter> free, std::size_t effect) {
+  for (FreeParameter& parameter : free) parameter.effect = effect;
+  return free;
+}
+
+double choices_of(const Hypothesis& hypothesis) {
+  return hypothesis.penalty + std::log(std::max(1.0, hypothesis.onsets));
+}
+
+namespace {
+
+// Base columns in information form, so that a candidate costs one Schur complement.
+struct Base {
+  std::vector<Eigen::MatrixXd> J;
+  Eigen::LDLT<Eigen::MatrixXd> information;
+};
+
+Base prepare(const Problem& problem, const Fit& fit) {
+  Base base;
+  if (fit.free.empty()) return base;
+  base.J = jacobians(problem, fit, fit.free);
+  Eigen::MatrixXd A = prior_precision(fit.free);
+  for (const Eigen::MatrixXd& J : base.J) A.noalias() += J.transpose() * J;
+  base.information = A.ldlt();
+  return base;
+}
+
+// Scores columns of a hypothesis over all flights beside the base, whose own columns take what they can.
+struct Normal {
+  Eigen::MatrixXd H, cross;
+  Eigen::VectorXd g;
+
+  Normal(const Base& base, Eigen::Index n)
+      : H(Eigen::MatrixXd::Zero(n, n)),
+        cross(Eigen::MatrixXd::Zero(base.J.empty() ? 0 : base.J.front().cols(), n)),
+        g(Eigen::VectorXd::Zero(n)) {}
+
+  void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight) {
+    H.noalias() += Z.transpose() * Z;
+    g.noalias() -= Z.transpose() * fit.innovations[flight];
+    if (cross.rows() > 0) cross.noalias() += base.J[flight].transpose() * Z;
+  }
+  // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
+  void project(const Base& base) {
+    if (cross.rows() > 0) H.noalias() -= cross.transpose() * base.information.solve(cross);
+  }
+};
+
+// An effect that is there or not: no prior width says how likely it is to be half there.
+constexpr double kPresencePrice = 3.0;  // nats
+
+double presence_gain(const Normal& normal) {
+  const double g = normal.g[0], H = normal.H(0, 0);
+  const double amplitude = std::clamp(g / std::max(H, 1e-12), 0.0, 1.0);
+  return amplitude * g - 0.5 * amplitude * amplitude * H;
+}
+
+Screened score_presence(const Problem& problem, const Fit& fit, const Base& base,
+                        const Hypothesis& hypothesis, const Start& start) {
+  Normal normal(base, 1);
+  for (std::size_t f = 0; f < problem.flights->size(); ++f)
+    normal.add(base, fit, presence_column(problem, fit, start.effect, f), f);
+  normal.project(base);
+  const double gain = presence_gain(normal);
+  const double choices = choices_of(hypothesis) + std::log(static_cast<double>(hypothesis.starts.size()));
+  Screened out;
+  out.hypothesis = &hypothesis;
+  out.start = start;
+  out.score = gain - kPresencePrice - choices;
+  out.gain = gain;
+  out.presence = 0.5 * normal.H(0, 0);
+  return out;
+}
+
+// The best second for a thruster to die: what it adds to the motion is cut off there.
+Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, const Hypothesis& hypothesis) {
+  const std::vector<Flight>& flights = *problem.flights;
+  ThrusterDead dead = std::get<ThrusterDead>(hypothesis.starts.front().effect);
+  std::vector<ForceIntegrals> lost;  // per flight: motion with the thruster dead minus motion with it
+  std::vector<Eigen::MatrixXd> whole;
+  std::vector<Effect> effects = fit.effects;
+  effects.push_back(dead);
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    lost.push_back(flights[f].integrate(problem.plant(effects, f)));
+    const ForceIntegrals healthy = flights[f].integrate(problem.plant(fit.effects, f));
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+      for (std::size_t i = 0; i < flights[f].frames(); ++i) {
+        lost[f].measured[axis][i] -= healthy.measured[axis][i];
+        lost[f].dv[axis][i] -= healthy.dv[axis][i];
+        lost[f].dp[axis][i] -= healthy.dp[axis][i];
+      }
+    }
+    whole.emplace_back(innovations(flights[f], lost[f], fit.noise));
+  }
+  Screened best;
+  best.hypothesis = &hypothesis;
+  best.start = hypothesis.starts.front();
+  best.gain = -1.0;
+  const auto consider = [&](double since_s, std::size_t first, const Eigen::MatrixXd* first_column) {
+    Normal normal(base, 1);
+    for (std::size_t f = 0; f < flights.size(); ++f) {
+      const bool later = flights[f].times().front() > since_s;
+      if (f == first && first_column != nullptr)
+        normal.add(base, fit, *first_column, f);
+      else if (later)
+        normal.add(base, fit, whole[f], f);
+    }
+    normal.project(base);
+    const double gain = presence_gain(normal);
+    if (gain <= best.gain) return;
+    best.gain = gain;
+    std::get<ThrusterDead>(best.start.effect).since_s = since_s;
+  };
+  consider(0.0, flights.size(), nullptr);
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    const std::vector<double>& times = flights[f].times();
+    ForceIntegrals rest = lost[f];
+    std::size_t frame = 0;
+    for (double since = times.front() + 1.0; since < times.back() - 2.0; since += 1.0) {
+      for (; times[frame] < since; ++frame) {
+        for (std::size_t axis = 0; axis < kAxes; ++axis) rest.dv[axis][frame] = rest.dp[axis][frame] = 0.0;
+      }
+      const Eigen::MatrixXd column = innovations(flights[f], rest, fit.noise);
+      consider(since, f, &column);
+    }
+  }
+  best.score = best.gain - kPresencePrice - choices_of(hypothesis);
+  return best;
+}
+
+Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& base,
+                          const Hypothesis& hypothesis, const Start& start) {
+  Fit at;
+  at.effects = fit.effects;
+  at.effects.push_back(start.effect);
+  at.noise = fit.noise;
+  const std::vector<FreeParameter> linear =
+      at_effect(named(hypothesis.free, start.linear), fit.effects.size());
+  const auto n = static_cast<Eigen::Index>(linear.size());
+  Normal normal(base, n);
+  for (std::size_t f = 0; f < problem.flights->size(); ++f)
+    normal.add(base, fit, column_block(problem, at, fit.innovations[f], linear, f), f);
+  normal.project(base);
+
+  Screened out;
+  out.hypothesis = &hypothesis;
+  out.start = start;
+  out.widths.resize(n);
+  for (Eigen::Index p = 0; p < n; ++p) out.widths[p] = linear[static_cast<std::size_t>(p)].prior_width;
+  const Eigen::MatrixXd prior = prior_precision(linear);
+  const Eigen::MatrixXd S = normal.H + prior;
+  const Eigen::LLT<Eigen::MatrixXd> factor(S);
+  out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
+  out.amplitude = factor.solve(normal.g);
+  out.chance = 0.5 * factor.solve(normal.H).trace();
+  if (hypothesis.map)
+    out.information =
+        Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(normal.H, prior, Eigen::EigenvaluesOnly)
+            .eigenvalues()
+            .cwiseMax(0.0);
+  // What the bounds forbid earns nothing.
+  for (Eigen::Index p = 0; p < n; ++p) {
+    double& value = parameter(at.effects, linear[static_cast<std::size_t>(p)]);
+    const double neutral = value;
+    value += out.amplitude[p];
+    clamp_to_bounds(at.effects, {linear[static_cast<std::size_t>(p)]});
+    out.amplitude[p] = value - neutral;
+  }
+  const double linear_gain = out.amplitude.dot(normal.g);
+  out.gain = linear_gain - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
+  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - occam_factor(prior, S, linear) -
+              hypothesis.penalty - std::log(static_cast<double>(hypothesis.starts.size()));
+  return out;
+}
+
+}  // namespace
+
+std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
+                             const std::vector<Hypothesis>& library) {
+  const Base base = prepare(problem, base_fit);
+  struct Job {
+    const Hypothesis* hypothesis;
+    const Start* start;
+  };
+  std::vector<Job> jobs;
+  for (const Hypothesis& hypothesis : library) {
+    for (const Start& start : hypothesis.starts) jobs.push_back({&hypothesis, &start});
+  }
+  std::vector<Screened> scored(jobs.size());
+  in_parallel(jobs.size(), [&](std::size_t j) {
+    const Hypothesis& hypothesis = *jobs[j].hypothesis;
+    const Start& start = *jobs[j].start;
+    scored[j] = hypothesis.onsets > 0.0 ? scan_onsets(problem, base_fit, base, hypothesis)
+                : start.linear.empty()  ? score_presence(problem, base_fit, base, hypothesis, start)
+                                        : score_amplitudes(problem, base_fit, base, hypothesis, start);
+  });
+  std::sort(scored.begin(), scored.end(),
+            [](const Screened& a, const Screened& b) { return a.score > b.score; });
+  return scored;
+}
+
+}  // namespace atmos
