@@ -207,10 +207,11 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
     hypothesis.one_recording = true;
     hypothesis.penalty = std::log(line->choices);
     hypothesis.starts.push_back({vibration, {}});
-    hypothesis.free = {{0, "amplitude_n", 0, 0.0, 0.5, 1e-3},
-                       {0, "frequency_hz", 0, vibration.frequency_hz, 0.02, 1e-5},
-                       {0, "phase_rad", 0, vibration.phase_rad, 2.0, 1e-3},
-                       {0, "direction_rad", 0, vibration.direction_rad, 2.0, 1e-3}};
+    hypothesis.free = {
+        {0, "amplitude_n", 0, 0.0, 0.5, 1e-3},
+        {0, "frequency_hz", 0, vibration.frequency_hz, 0.5 / flight.recording().duration_s(), 1e-5},
+        {0, "phase_rad", 0, vibration.phase_rad, 2.0, 1e-3},
+        {0, "direction_rad", 0, vibration.direction_rad, 2.0, 1e-3}};
     found.push_back(std::move(hypothesis));
   }
   return found;

@@ -53,7 +53,10 @@ Bounds bounds_of(const std::vector<Effect>& effects, const FreeParameter& free) 
   std::visit(
       [&](const auto& e) {
         e.parameters(e, [&](const ParameterInfo& info, const auto&) {
-          if (info.name == free.name) bounds = info.bounds;
+          // The bounds of an event are those of its impulse; when it happened is free.
+          const bool event_time =
+              std::is_same_v<std::decay_t<decltype(e)>, ExternalImpulse> && free.element % 4 == 0;
+          if (info.name == free.name && !event_time) bounds = info.bounds;
         });
       },
       effects[free.effect]);
@@ -169,9 +172,25 @@ bool acts_from_outside(const Effect& effect) {
          std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FloorVibration>(effect);
 }
 
+// Where the centre of mass must be for one node of a map to push.
+Reach reach_of_node(const Effect& map, std::size_t node, const Vehicle& vehicle) {
+  const auto around = [&](const Grid& grid, const GridRows& rows) {
+    const std::size_t width = rows.front().size();
+    const Eigen::Vector2d steps(static_cast<double>(node % width), static_cast<double>(node / width));
+    double bearing = 0.0;
+    const Plant plant(vehicle, {}, 0.0);
+    for (const Eigen::Vector2d& at : plant.properties().bearings_m) bearing = std::max(bearing, at.norm());
+    return Reach{Eigen::Vector2d(grid.origin_m[0], grid.origin_m[1]) + grid.spacing_m * steps,
+                 2.0 * std::sqrt(2.0) * grid.spacing_m + bearing + 0.05};
+  };
+  if (const auto* floor = std::get_if<FloorUnevenness>(&map)) return around(floor->grid, floor->height_m);
+  const Airflow& wind = std::get<Airflow>(map);
+  return around(wind.grid, wind.force_x_n);
+}
+
 // The motion that an effect from outside makes by itself, whitened: needs no thrusters and no valve edges.
 Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const std::vector<Effect>& others,
-                           std::size_t flight_index, const NoiseModel& noise) {
+                           std::size_t flight_index, const NoiseModel& noise, const Reach* reach = nullptr) {
   const Flight& flight = (*problem.flights)[flight_index];
   Vehicle coasting = *problem.vehicle;
   coasting.thrusters.clear();
@@ -182,24 +201,42 @@ Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const s
     }
   }
   acting.push_back(effect);
-  ForceIntegrals forces = flight.integrate(Plant(coasting, std::move(acting), flight.recording().start_s()));
+  ForceIntegrals forces =
+      flight.integrate(Plant(coasting, std::move(acting), flight.recording().start_s()), nullptr, reach);
   for (auto& measured : forces.measured) std::fill(measured.begin(), measured.end(), 0.0);
   return innovations(flight, forces, noise);
 }
 
-// Sum of J' J over the flights; the axes of a flight are worked on side by side.
-Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J) {
+// Sum of J' J over the flights; the axes of a flight are worked on side by side. Of `known`, the same sum for
+// an earlier J, what belongs to linear parameters alone still holds.
+Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::vector<FreeParameter>& free,
+                            const Eigen::MatrixXd* known) {
   const Eigen::Index n = J.front().cols();
-  std::vector<Eigen::MatrixXd> parts(J.size() * kAxes, Eigen::MatrixXd::Zero(n, n));
+  std::vector<Eigen::Index> moved;
+  for (Eigen::Index p = 0; p < n; ++p) {
+    if (known == nullptr || !free[static_cast<std::size_t>(p)].linear) moved.push_back(p);
+  }
+  const auto m = static_cast<Eigen::Index>(moved.size());
+  std::vector<Eigen::MatrixXd> parts(J.size() * kAxes, Eigen::MatrixXd::Zero(n, m));
   in_parallel(parts.size(), [&](std::size_t job) {
     const Eigen::MatrixXd& j = J[job / kAxes];
     const Eigen::Index frames = j.rows() / kAxes;
-    parts[job].selfadjointView<Eigen::Lower>().rankUpdate(
-        j.middleRows(static_cast<Eigen::Index>(job % kAxes) * frames, frames).transpose());
+    const auto rows = j.middleRows(static_cast<Eigen::Index>(job % kAxes) * frames, frames);
+    if (m == n) {
+      parts[job].selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+      parts[job] = Eigen::MatrixXd(parts[job].selfadjointView<Eigen::Lower>());
+    } else {
+      parts[job].noalias() = rows.transpose() * Eigen::MatrixXd(rows(Eigen::all, moved));
+    }
   });
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, n);
-  for (const Eigen::MatrixXd& part : parts) sum += part;
-  return sum.selfadjointView<Eigen::Lower>();
+  Eigen::MatrixXd sum = known == nullptr ? Eigen::MatrixXd::Zero(n, n) : *known;
+  for (Eigen::Index k = 0; k < m; ++k) {
+    const Eigen::Index p = moved[static_cast<std::size_t>(k)];
+    sum.col(p).setZero();
+    for (const Eigen::MatrixXd& part : parts) sum.col(p) += part.col(k);
+    sum.row(p) = sum.col(p).transpose();
+  }
+  return sum;
 }
 
 Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
@@ -208,7 +245,8 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
   if (free.linear) {
     std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, moved[free.effect]);
     parameter(moved, free) = 1.0;
-    return own_motion(problem, moved[free.effect], at.effects, f, at.noise);
+    const Reach reach = reach_of_node(moved[free.effect], free.element, *problem.vehicle);
+    return own_motion(problem, moved[free.effect], at.effects, f, at.noise, &reach);
   }
   double& value = parameter(moved, free);
   // Step away from the nearer bound.
@@ -265,12 +303,13 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
-  Eigen::MatrixXd H;
+  Eigen::MatrixXd H, data;
   std::vector<Eigen::MatrixXd> J;
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     J = jacobians(problem, current, current.free, J.empty() ? nullptr : &J);
-    H = prior + information(J);
+    data = information(J, current.free, iteration == 0 ? nullptr : &data);
+    H = prior + data;
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
     if (iteration == iterations) break;

@@ -163,7 +163,8 @@ Path Flight::make_path(const Plant& plant, const Path::Key& key) const {
   return path;
 }
 
-ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame) const {
+ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame,
+                                 const Reach* reach) const {
   const std::size_t n = frames();
   const std::shared_ptr<const Path> along = path(plant);
   ForceIntegrals out;
@@ -177,6 +178,9 @@ ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* 
   if (hidden_at_frame != nullptr) hidden_at_frame->assign(n, hidden);
   PlantRate<double> rate;
   for (const Path::Step& step : along->steps) {
+    if (reach != nullptr &&
+        (step.state.p_WC - reach->center_m).squaredNorm() > reach->radius_m * reach->radius_m)
+      continue;
     const VecX<double>& openings = along->openings[step.openings];
     plant.rate(step.middle_s, step.state, hidden, openings, rate);
     if (evolves) {

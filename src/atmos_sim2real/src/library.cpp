@@ -210,7 +210,7 @@ std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Fl
   const Box box = visited(flights);
   std::vector<Hypothesis> others;
   if (map.kind == FloorUnevenness::kKind) {
-    for (const Field field : {Field{1.2e-3, 0.7}, Field{6e-4, 1.2}, Field{1.2e-3, 1.2}, Field{6e-4, 0.5}})
+    for (const Field field : {Field{1.2e-3, 0.7}, Field{8e-4, 1.2}, Field{6e-4, 0.5}})
       others.push_back(unevenness(box, field));
   } else if (map.kind == Airflow::kKind) {
     for (const Field field : {Field{0.05, 2.0}, Field{0.05, 0.7}}) others.push_back(airflow(box, field));

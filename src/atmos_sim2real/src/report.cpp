@@ -95,9 +95,11 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
       if (!advice.empty() && next.find(advice) == std::string::npos)
         next += (next.empty() ? "" : " ") + advice;
     }
+    json parameters = parameters_of(final, i);
+    if (claim.onset_deviation_s > 0.0) parameters["since_s"]["std"] = claim.onset_deviation_s;
     effects.push_back({{"kind", kind},
                        {"statement", statement_of(final.effects[i], start_s)},
-                       {"parameters", parameters_of(final, i)},
+                       {"parameters", parameters},
                        {"evidence",
                         {{"log_likelihood_gain", finite(claim.gain)},
                          {"heldout_log_likelihood_gain", finite(claim.heldout_gain)},

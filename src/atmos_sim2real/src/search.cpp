@@ -8,6 +8,7 @@
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/laws.h"
+#include "atmos_sim2real/onset.h"
 
 namespace atmos {
 
@@ -23,25 +24,6 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   for (std::size_t p = 0; p < linear.size(); ++p)
     parameter(extended.effects, linear[p]) += at.amplitude[static_cast<Eigen::Index>(p)];
   return extended;
-}
-
-// since_s of a dead thruster only matters where pulses begin: tries them, coarse to fine.
-Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
-  ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
-  if (dead == nullptr || dead->since_s == 0.0) return fit;
-  double reach = 1.5;  // s: the screen tries every second
-  while (reach > 0.05) {
-    const double middle = std::get<ThrusterDead>(fit.effects[effect]).since_s;
-    for (int k = -4; k <= 4; ++k) {
-      if (k == 0) continue;
-      std::vector<Effect> moved = fit.effects;
-      std::get<ThrusterDead>(moved[effect]).since_s = middle + k * reach / 4.0;
-      Fit trial = evaluate(problem, std::move(moved), fit.free, fit.noise);
-      if (trial.log_likelihood > fit.log_likelihood) fit = std::move(trial);
-    }
-    reach *= 0.4;
-  }
-  return fit;
 }
 
 void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
@@ -122,6 +104,33 @@ bool worth_a_name(const OpenLoopError& nominal, const OpenLoopError& before, con
   constexpr double kShare = 0.03;
   return before.position_m - after.position_m > kShare * nominal.position_m ||
          before.yaw_rad - after.yaw_rad > kShare * nominal.yaw_rad;
+}
+
+bool by_gain(const Tried& a, const Tried& b) { return a.gain > b.gain; }
+
+// Velocities smoothed under the model so far favour candidates that resemble it: where the best are close,
+// each is judged along the motion that it implies itself. `tried`: best first, before and after.
+void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness) {
+  if (tried.size() < 2) return;
+  const double close = std::max(10.0, 0.05 * tried.front().gain);
+  const auto end = std::find_if(tried.begin(), tried.end(), [&](const Tried& t) {
+    return t.gain < tried.front().gain - close || t.gain <= 0.0;
+  });
+  const bool contest = std::any_of(tried.begin(), end, [&](const Tried& t) {
+    return !same_subject(t.hypothesis, tried.front().hypothesis);
+  });
+  if (!contest) return;
+  const double reference = tried.front().gain;
+  std::vector<double> evidence;
+  for (auto t = tried.begin(); t != end; ++t) {
+    smooth_all(problem, t->fit.effects, t->fit.noise, looseness);
+    t->fit = fit(problem, t->fit.effects, t->fit.free, t->fit.noise);
+    evidence.push_back(t->fit.evidence - choices_of(t->hypothesis));
+  }
+  for (auto t = tried.begin(); t != end; ++t)
+    t->gain = reference + evidence[static_cast<std::size_t>(t - tried.begin())] - evidence.front();
+  std::sort(tried.begin(), end, by_gain);
+  smooth_all(problem, current.effects, current.noise, looseness);
 }
 
 // The model without effect `index`, refitted.
@@ -265,8 +274,7 @@ void reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
     for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals))
       claim.rivals.push_back(attempt(problem, rest, candidate));
-    std::sort(claim.rivals.begin(), claim.rivals.end(),
-              [](const Tried& a, const Tried& b) { return a.gain > b.gain; });
+    std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
     if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) {
       ++i;
       continue;
@@ -292,7 +300,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   NoiseModel noise = initial_noise(*problem.flights);
   smooth_all(problem, {}, noise, 20.0);
   noise = profile_noise(problem, {}, noise);
-  smooth_all(problem, {}, noise, 5.0);
+  double looseness = 5.0;
+  smooth_all(problem, {}, noise, looseness);
   noise = profile_noise(problem, {}, noise);
   result.nominal = evaluate(problem, {}, {}, noise);
   Fit current = result.nominal;
@@ -330,7 +339,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
       options.progress("  " + label(*candidate.hypothesis) + ": " + std::to_string(tried.back().gain) +
                        " nats (screen " + std::to_string(candidate.score) + ")");
     }
-    std::sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) { return a.gain > b.gain; });
+    std::sort(tried.begin(), tried.end(), by_gain);
+    play_off(problem, current, tried, looseness);
 
     bool accepted = false;
     for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
@@ -363,7 +373,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
       break;
     }
     // Velocities under the better model, then everything again at its noise.
-    smooth_all(problem, current.effects, current.noise, 4.0);
+    looseness = 4.0;
+    smooth_all(problem, current.effects, current.noise, looseness);
     current = fit(problem, current.effects, current.free, current.noise);
     if (claims.back().hypothesis.map) current = best_field(problem, std::move(current), claims, options);
 
@@ -390,6 +401,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     claims[i].heldout_gain = blocks.heldout_gain;
     claims[i].inclusion = blocks.inclusion;
   }
+  for (std::size_t i = 0; i < claims.size(); ++i)
+    claims[i].onset_deviation_s = onset_deviation(problem, current, i);
   merge_laws(current, claims);
   merge_floor(current, claims);
   result.final = std::move(current);

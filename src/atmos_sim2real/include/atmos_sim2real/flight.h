@@ -44,6 +44,12 @@ struct Path {
   std::array<std::vector<double>, kAxes> measured;  // pose of the centre of mass that each frame shows
 };
 
+// A disc over the floor [m].
+struct Reach {
+  Eigen::Vector2d center_m;
+  double radius_m;
+};
+
 class Flight {
  public:
   explicit Flight(Recording recording);
@@ -58,8 +64,10 @@ class Flight {
   // The same out of each frame and those before it alone, for predictions: pose and velocity of every frame.
   void track(const Plant& plant, const NoiseModel& noise);
   // Evaluates the plant's forces along the motion, exactly between valve edges. `hidden_at_frame`, where
-  // given, receives the hidden states at every frame.
-  ForceIntegrals integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame = nullptr) const;
+  // given, receives the hidden states at every frame. Outside of `reach`, where given, the plant is known to
+  // push nothing.
+  ForceIntegrals integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame = nullptr,
+                           const Reach* reach = nullptr) const;
 
   // One whitener per axis.
   std::shared_ptr<const std::vector<Whitener>> whiteners(const NoiseModel& noise) const;

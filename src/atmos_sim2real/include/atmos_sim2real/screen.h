@@ -11,7 +11,7 @@ namespace atmos {
 struct Screened {
   const Hypothesis* hypothesis = nullptr;
   Start start;
-  double score = 0.0;               // nats, Occam factor and penalty taken off
+  double score = 0.0;         // nats, Occam factor and penalty taken off
   Eigen::VectorXd amplitude;  // of the start's linear parameters, from neutral
   Eigen::VectorXd
       deviation;  // what the flights would leave of each linear parameter's uncertainty, alone in its effect

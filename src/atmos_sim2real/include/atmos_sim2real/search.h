@@ -27,11 +27,12 @@ struct Tried {
 // An effect of the final model, with what speaks for it.
 struct Claim {
   Hypothesis hypothesis;
-  double gain = 0.0;             // evidence it adds to the rest of the final model, nats
-  double heldout_gain = 0.0;     // nats on data its fit has not seen
-  double inclusion = 0.0;        // share of resamples that keep it
-  std::vector<Tried> rivals;     // tried in its place, best first
-  double rival_reference = 0.0;  // the gain it had when they were tried
+  double gain = 0.0;               // evidence it adds to the rest of the final model, nats
+  double heldout_gain = 0.0;       // nats on data its fit has not seen
+  double inclusion = 0.0;          // share of resamples that keep it
+  std::vector<Tried> rivals;       // tried in its place, best first
+  double rival_reference = 0.0;    // the gain it had when they were tried
+  double onset_deviation_s = 0.0;  // of since_s, where the effect has one
 };
 
 struct SearchResult {

@@ -1,0 +1,96 @@
+#include "atmos_sim2real/onset.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace atmos {
+
+namespace {
+
+constexpr double kReach = 1.5;  // s around the present onset: the screen tries every second
+
+// A stretch in which an onset makes the same motion, wherever in it; or a pulse, cut short.
+struct Stretch {
+  double begin_s, end_s;
+  double middle() const { return 0.5 * (begin_s + end_s); }
+};
+
+// The stretches around an onset, pulses among them, in order.
+std::vector<Stretch> stretches_near(const std::vector<Flight>& flights, std::size_t valve, double since_s) {
+  std::vector<Stretch> found;
+  for (const Flight& flight : flights) {
+    double shut = flight.recording().start_s();
+    for (const ThrusterCommand& command : flight.recording().commands) {
+      const double on = std::abs(command.duty[valve]) * command.period_s;
+      if (on <= 0.0) continue;
+      if (command.stamp_s > shut) found.push_back({shut, command.stamp_s});
+      found.push_back({command.stamp_s, command.stamp_s + on});
+      shut = command.stamp_s + on;
+    }
+    if (flight.times().back() > shut) found.push_back({shut, flight.times().back()});
+  }
+  found.erase(std::remove_if(found.begin(), found.end(),
+                             [&](const Stretch& stretch) {
+                               return stretch.end_s < since_s - kReach || stretch.begin_s > since_s + kReach;
+                             }),
+              found.end());
+  return found;
+}
+
+double likelihood_at(const Problem& problem, const Fit& fit, std::size_t effect, double since_s) {
+  std::vector<Effect> moved = fit.effects;
+  std::get<ThrusterDead>(moved[effect]).since_s = since_s;
+  return evaluate(problem, std::move(moved), {}, fit.noise).log_likelihood;
+}
+
+struct Weighed {
+  Stretch stretch;
+  double log_likelihood;
+};
+
+std::vector<Weighed> weigh(const Problem& problem, const Fit& fit, std::size_t effect) {
+  const ThrusterDead& dead = std::get<ThrusterDead>(fit.effects[effect]);
+  std::vector<Weighed> weighed;
+  for (const Stretch& stretch :
+       stretches_near(*problem.flights, static_cast<std::size_t>(dead.thruster - 1), dead.since_s))
+    weighed.push_back({stretch, likelihood_at(problem, fit, effect, stretch.middle())});
+  return weighed;
+}
+
+bool has_onset(const Fit& fit, std::size_t effect) {
+  const ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
+  return dead != nullptr && dead->since_s > 0.0;
+}
+
+}  // namespace
+
+Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
+  if (!has_onset(fit, effect)) return fit;
+  const std::vector<Weighed> weighed = weigh(problem, fit, effect);
+  if (weighed.empty()) return fit;
+  const Weighed& best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
+    return a.log_likelihood < b.log_likelihood;
+  });
+  std::vector<Effect> moved = fit.effects;
+  std::get<ThrusterDead>(moved[effect]).since_s = best.stretch.middle();
+  return evaluate(problem, std::move(moved), fit.free, fit.noise);
+}
+
+double onset_deviation(const Problem& problem, const Fit& fit, std::size_t effect) {
+  if (!has_onset(fit, effect)) return 0.0;
+  const double since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
+  const std::vector<Weighed> weighed = weigh(problem, fit, effect);
+  double best = -1e300;
+  for (const Weighed& w : weighed) best = std::max(best, w.log_likelihood);
+  double sum = 0.0, squares = 0.0;
+  for (const Weighed& w : weighed) {
+    const double length = w.stretch.end_s - w.stretch.begin_s;
+    const double weight = length * std::exp(w.log_likelihood - best);
+    const double away = w.stretch.middle() - since;
+    sum += weight;
+    squares += weight * (away * away + length * length / 12.0);
+  }
+  return sum > 0.0 ? std::sqrt(squares / sum) : 0.0;
+}
+
+}  // namespace atmos
