@@ -119,7 +119,7 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
 
   Hypothesis hypothesis;
   hypothesis.kind = ExternalImpulse::kKind;
-  hypothesis.one_recording = true;
+  hypothesis.local = true;
   hypothesis.starts.push_back({impulse, {}});
   hypothesis.penalty = (threshold - least_gain) * static_cast<double>(impulse.events.size());
   for (std::size_t k = 0; k < impulse.events.size(); ++k) {
@@ -204,7 +204,7 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
 
     Hypothesis hypothesis;
     hypothesis.kind = FloorVibration::kKind;
-    hypothesis.one_recording = true;
+    hypothesis.local = true;
     hypothesis.penalty = std::log(line->choices);
     hypothesis.starts.push_back({vibration, {}});
     hypothesis.free = {

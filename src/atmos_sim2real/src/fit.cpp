@@ -370,9 +370,10 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
 }
 
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
-        const NoiseModel& noise) {
-  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), 4);
-  for (int round = 0; round < 2; ++round) {
+        const NoiseModel& noise, FitEffort effort) {
+  const bool thorough = effort == FitEffort::kThorough;
+  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), thorough ? 4 : 2);
+  for (int round = 0; round < (thorough ? 2 : 1); ++round) {
     std::vector<ForceIntegrals> forces(problem.flights->size());
     in_parallel(forces.size(), [&](std::size_t f) {
       forces[f] = (*problem.flights)[f].integrate(problem.plant(best.effects, f));

@@ -152,7 +152,7 @@ Hypothesis swinging_torque(double frequency_hz, double penalty) {
   const std::string angle = "(" + text(2.0 * M_PI * frequency_hz) + "*t)";
   Hypothesis hypothesis = law("a torque that swings at " + text(frequency_hz) + " Hz", "0", "0",
                               "a*cos" + angle + " + b*sin" + angle, {{"a", "N m", 5e-3}, {"b", "N m", 5e-3}});
-  hypothesis.one_recording = true;
+  hypothesis.local = true;
   hypothesis.penalty = kStrangerPrice + penalty;
   return hypothesis;
 }

@@ -169,6 +169,7 @@ Hypothesis tether(const Box& box) {
 Hypothesis friction_patch(const Box& box) {
   Hypothesis hypothesis;
   hypothesis.kind = FrictionPatch::kKind;
+  hypothesis.local = true;
   for (double x = box.x0; x <= box.x1 + 1e-9; x += 0.35) {
     for (double y = box.y0; y <= box.y1 + 1e-9; y += 0.35) {
       for (const double radius : {0.3, 0.6}) {

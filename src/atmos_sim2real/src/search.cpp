@@ -46,14 +46,15 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
 namespace {
 
 // Fits the current model with one screened hypothesis.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate,
+              FitEffort effort = FitEffort::kThorough) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, effort);
   if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
-    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
+    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise, effort);
   }
   const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
   return {hypothesis, std::move(fitted), gain};
@@ -133,6 +134,22 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
   smooth_all(problem, current.effects, current.noise, looseness);
 }
 
+// Fits along the motion that the model itself implies, until that no longer changes: friction that nearly
+// holds the robot shows itself only step by step.
+Fit settled(const Problem& problem, Fit current, double looseness) {
+  constexpr int kMost = 4;
+  constexpr double kEnough = 2.0;  // nats
+  for (int round = 0; round < kMost; ++round) {
+    smooth_all(problem, current.effects, current.noise, looseness);
+    const double before = current.log_likelihood;
+    current = fit(problem, current.effects, current.free, current.noise,
+                  round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
+    if (round > 0 && std::abs(current.log_likelihood - before) < kEnough) break;
+    if (round == 0 && current.free.size() > 60) break;  // maps: their columns do not depend on the velocity
+  }
+  return current;
+}
+
 // The model without effect `index`, refitted.
 Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
   std::vector<Effect> effects = fit_with.effects;
@@ -143,7 +160,25 @@ Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
     if (parameter.effect > index) --parameter.effect;
     free.push_back(parameter);
   }
-  return fit(problem, std::move(effects), std::move(free), fit_with.noise);
+  return fit(problem, std::move(effects), std::move(free), fit_with.noise, FitEffort::kQuick);
+}
+
+// Whether an effect is so many deviations away from its absence that a refit without it need not be asked.
+bool plainly_there(const Fit& fit, std::size_t index) {
+  constexpr double kPlain = 10.0;  // deviations: 50 nats
+  for (std::size_t p = 0; p < fit.free.size(); ++p) {
+    const FreeParameter& free = fit.free[p];
+    if (free.effect != index || free.joint != nullptr) continue;
+    const auto at = static_cast<Eigen::Index>(p);
+    const bool measures_size = !std::holds_alternative<Tether>(fit.effects[index]) &&
+                               !std::holds_alternative<FrictionPatch>(fit.effects[index]) &&
+                               !std::holds_alternative<Slosh>(fit.effects[index]) &&
+                               !std::holds_alternative<FloorVibration>(fit.effects[index]);
+    if (measures_size &&
+        std::abs(parameter(fit.effects, free) - free.prior_mean) > kPlain * std::sqrt(fit.covariance(at, at)))
+      return true;
+  }
+  return false;
 }
 
 std::string label(const Hypothesis& hypothesis) {
@@ -253,35 +288,41 @@ void merge_laws(Fit& fit, std::vector<Claim>& claims) {
   }
 }
 
+std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const Fit& nominal) {
+  std::vector<Fit> fits;
+  for (std::size_t i = 0; i < current.effects.size(); ++i)
+    fits.push_back(current.effects.size() == 1 ? evaluate(problem, nominal.effects, {}, nominal.noise)
+                                               : without(problem, current, i));
+  return fits;
+}
+
 // An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
-// of each in its place, beside all others.
-void reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims,
-                const std::vector<Hypothesis>& library, const SearchOptions& options) {
+// of each in its place, beside all others. `without_each`: the model without each effect. Whether one was
+// replaced.
+bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims,
+                const std::vector<Fit>& without_each, const std::vector<Hypothesis>& library,
+                const SearchOptions& options) {
   constexpr double kClearlyBetter = 3.0;  // nats
   constexpr std::size_t kRivals = 3;
-  std::size_t i = 0;
-  for (std::size_t round = 0, rounds = claims.size(); round < rounds; ++round) {
-    const Fit rest = without(problem, current, i);
-    std::vector<Hypothesis> open;
-    for (const Hypothesis& hypothesis : library) {
-      const bool taken = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
-        return same_subject(claim.hypothesis, hypothesis);
-      });
-      if (!taken) open.push_back(hypothesis);
-    }
+  std::vector<Hypothesis> open;
+  for (const Hypothesis& hypothesis : library) {
+    const bool taken = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
+      return same_subject(claim.hypothesis, hypothesis);
+    });
+    if (!taken) open.push_back(hypothesis);
+  }
+  for (std::size_t i = 0; i < claims.size(); ++i) {
     Claim& claim = claims[i];
+    const Fit& rest = without_each[i];
     claim.rivals.clear();
     claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
     for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals))
       claim.rivals.push_back(attempt(problem, rest, candidate));
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
-    if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) {
-      ++i;
-      continue;
-    }
+    if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) continue;
     options.progress("  " + label(claim.rivals.front().hypothesis) + " takes the place of " +
                      label(claim.hypothesis));
-    Tried better = claim.rivals.front();
+    Tried better = std::move(claim.rivals.front());
     claim.rivals.erase(claim.rivals.begin());
     // The newcomer is the last effect of its fit; its claim goes there too.
     claim.hypothesis = better.hypothesis;
@@ -289,7 +330,9 @@ void reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     current = std::move(better.fit);
     std::rotate(claims.begin() + static_cast<long>(i), claims.begin() + static_cast<long>(i) + 1,
                 claims.end());
+    return true;
   }
+  return false;
 }
 
 }  // namespace
@@ -345,9 +388,9 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     bool accepted = false;
     for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
       const BlockEvidence blocks = block_evidence(problem, current, tried[t].fit, options.seed);
-      // An event or a phase belongs to one recording, and a map says nothing of places that a fit has not
-      // seen: there the evidence alone decides.
-      if (!tried[t].hypothesis.one_recording && !tried[t].hypothesis.map &&
+      // What happened once, or lies in one place, cannot help where a fit has not seen it, nor can a map:
+      // there the evidence alone decides.
+      if (!tried[t].hypothesis.local && !tried[t].hypothesis.map &&
           (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion)) {
         options.progress("  " + label(tried[t].hypothesis) + " does not hold on unseen data");
         continue;
@@ -374,12 +417,15 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     }
     // Velocities under the better model, then everything again at its noise.
     looseness = 4.0;
-    smooth_all(problem, current.effects, current.noise, looseness);
-    current = fit(problem, current.effects, current.free, current.noise);
+    current = settled(problem, std::move(current), looseness);
     if (claims.back().hypothesis.map) current = best_field(problem, std::move(current), claims, options);
 
     // What came earlier must still be needed beside what came later.
     for (std::size_t i = 0; i + 1 < claims.size();) {
+      if (plainly_there(current, i)) {
+        ++i;
+        continue;
+      }
       const Fit reduced = without(problem, current, i);
       const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
       if (worth >= options.accept_gain) {
@@ -392,12 +438,12 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     }
   }
 
-  if (claims.size() > 1) reconsider(problem, current, claims, library, options);
+  std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
+  if (claims.size() > 1 && reconsider(problem, current, claims, without_each, library, options))
+    without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
-    const Fit reduced = claims.size() == 1 ? result.nominal : without(problem, current, i);
-    const Fit base = evaluate(problem, reduced.effects, reduced.free, reduced.noise);
-    const BlockEvidence blocks = block_evidence(problem, base, current, options.seed);
-    claims[i].gain = current.log_likelihood - reduced.log_likelihood;
+    const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);
+    claims[i].gain = current.log_likelihood - without_each[i].log_likelihood;
     claims[i].heldout_gain = blocks.heldout_gain;
     claims[i].inclusion = blocks.inclusion;
   }

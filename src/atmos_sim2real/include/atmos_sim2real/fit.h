@@ -82,8 +82,9 @@ Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Eff
 // hold.
 Fit refine(const Problem& problem, Fit start, int iterations);
 
-// The same with the noise level profiled in between, twice.
+// The same with the noise level profiled in between: twice, or once where the start is nearly a fit already.
+enum class FitEffort { kThorough, kQuick };
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
-        const NoiseModel& noise);
+        const NoiseModel& noise, FitEffort effort = FitEffort::kThorough);
 
 }  // namespace atmos
