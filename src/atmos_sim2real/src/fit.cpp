@@ -280,22 +280,32 @@ Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen:
   return columns;
 }
 
-std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
-                                       const std::vector<FreeParameter>& free,
-                                       const std::vector<Eigen::MatrixXd>* known) {
-  const std::size_t flights = problem.flights->size();
-  std::vector<Eigen::MatrixXd> columns;
-  for (std::size_t f = 0; f < flights; ++f)
-    columns.emplace_back(at.innovations[f].size(), static_cast<Eigen::Index>(free.size()));
-  in_parallel(flights * free.size(), [&](std::size_t job) {
-    const std::size_t f = job % flights, p = job / flights;
-    const auto index = static_cast<Eigen::Index>(p);
-    if (known != nullptr && free[p].linear) {
-      columns[f].col(index) = (*known)[f].col(index);
-    } else {
-      columns[f].col(index) = column(problem, at, at.innovations[f], free[p], f);
-    }
+namespace {
+
+// Recomputes the columns that `which` names, in place.
+template <class Which>
+void fill_columns(const Problem& problem, const Fit& at, const std::vector<FreeParameter>& free,
+                  const Which& which, std::vector<Eigen::MatrixXd>& columns) {
+  std::vector<std::size_t> wanted;
+  for (std::size_t p = 0; p < free.size(); ++p) {
+    if (which(free[p])) wanted.push_back(p);
+  }
+  const std::size_t flights = columns.size();
+  in_parallel(flights * wanted.size(), [&](std::size_t job) {
+    const std::size_t f = job % flights, p = wanted[job / flights];
+    columns[f].col(static_cast<Eigen::Index>(p)) = column(problem, at, at.innovations[f], free[p], f);
   });
+}
+
+}  // namespace
+
+std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
+                                       const std::vector<FreeParameter>& free) {
+  std::vector<Eigen::MatrixXd> columns;
+  for (const Eigen::VectorXd& innovations : at.innovations)
+    columns.emplace_back(innovations.size(), static_cast<Eigen::Index>(free.size()));
+  fill_columns(
+      problem, at, free, [](const FreeParameter&) { return true; }, columns);
   return columns;
 }
 
@@ -307,7 +317,12 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   std::vector<Eigen::MatrixXd> J;
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
-    J = jacobians(problem, current, current.free, J.empty() ? nullptr : &J);
+    if (iteration == 0) {
+      J = jacobians(problem, current, current.free);
+    } else {
+      fill_columns(
+          problem, current, current.free, [](const FreeParameter& f) { return !f.linear; }, J);
+    }
     data = information(J, current.free, iteration == 0 ? nullptr : &data);
     H = prior + data;
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);

@@ -395,7 +395,10 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
         options.progress("  " + label(tried[t].hypothesis) + " does not hold on unseen data");
         continue;
       }
-      if (!claims.empty() &&
+      // A little of what is left can be had by anything flexible, or by anything at all that is nearly
+      // collinear.
+      const bool flexible = tried[t].hypothesis.map || !tried[t].hypothesis.law.empty();
+      if (!claims.empty() && (flexible || tried[t].gain < options.plain_gain) &&
           !worth_a_name(open_loop_error(problem, {}), open_loop_error(problem, current.effects),
                         open_loop_error(problem, tried[t].fit.effects))) {
         options.progress("  " + label(tried[t].hypothesis) + " changes the motion too little to be named");

@@ -65,10 +65,8 @@ Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<Fr
              const NoiseModel& noise);
 
 // Columns of the whitened residual by finite differences: one matrix per flight, one column per parameter.
-// Columns of linear parameters are taken from `known` where it is given.
 std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
-                                       const std::vector<FreeParameter>& free,
-                                       const std::vector<Eigen::MatrixXd>* known = nullptr);
+                                       const std::vector<FreeParameter>& free);
 
 // The columns of one flight, whose innovations at `at` are given.
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,

@@ -45,6 +45,8 @@ struct SearchResult {
 
 struct SearchOptions {
   double accept_gain = 12.0;  // nats of evidence a further effect must bring
+  double plain_gain =
+      40.0;  // above it, an effect of few parameters is named however little it moves the robot
   double least_inclusion = 0.8;
   std::size_t most_effects = 5;
   std::size_t fitted_per_step = 6;
