@@ -103,6 +103,7 @@ int fly(const RunGrid& grid, const std::string& out, std::size_t jobs, const std
     ++alive;
   }
   bool failed = false;
+  std::ptrdiff_t shown = -1;  // lines of the journal at the last redraw: a log keeps no repetitions
   while (alive > 0) {
     int status = 0;
     while (alive > 0 && ::waitpid(-1, &status, WNOHANG) > 0) {
@@ -111,8 +112,11 @@ int fly(const RunGrid& grid, const std::string& out, std::size_t jobs, const std
     }
     std::ifstream in(path);
     const auto lines = std::count(std::istreambuf_iterator<char>(in), {}, '\n');
-    show_progress(static_cast<std::size_t>(std::max<std::ptrdiff_t>(lines - 1, 0)),
-                  static_cast<std::size_t>(grid.size()));
+    if (lines != shown) {
+      show_progress(static_cast<std::size_t>(std::max<std::ptrdiff_t>(lines - 1, 0)),
+                    static_cast<std::size_t>(grid.size()));
+      shown = lines;
+    }
     if (alive > 0) ::usleep(100000);
   }
   std::fprintf(stderr, "\n");
