@@ -55,12 +55,22 @@ class SetPoint:
 
 
 @dataclass
+class Trajectory:
+    """A trajectory while it is in force: time [s since the start of the flight], pose in the world frame."""
+    time: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    yaw: np.ndarray  # unwrapped, rad
+
+
+@dataclass
 class Flight:
     """One recorded flight. Times are seconds since `start` (ROS time of the first set-point)."""
     bag: str
     start: float
     end: float
     setpoints: list
+    trajectories: list
     motion: Motion          # of sim/truth where recorded, else of odometry
     motion_source: str
     command_time: np.ndarray
@@ -107,6 +117,24 @@ def _motion(messages, start):
     return Motion(t, x, y, np.unwrap(yaw), c * u - s * v, s * u + c * v, yaw_rate)
 
 
+def _trajectory(message, start):
+    begin = message.header.stamp.to_sec() - start
+    rows = np.array([(begin + point.time_from_start.to_sec(), point.transforms[0].translation.x,
+                      point.transforms[0].translation.y, yaw_of(point.transforms[0].rotation))
+                     for point in message.points])
+    return Trajectory(rows[:, 0], rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3]))
+
+
+def _next_start(time, setpoints, end):
+    """When what started at `time` is replaced by a set-point, or the flight ends."""
+    return min([s.time for s in setpoints if s.time > time] + [end])
+
+
+def _until(trajectory, end):
+    inside = trajectory.time <= end + 1e-6
+    return Trajectory(*(values[inside] for values in (trajectory.time, trajectory.x, trajectory.y, trajectory.yaw)))
+
+
 def load_flight(path, robot=None):
     """Reads a bag. Raises ReportError when a needed topic is missing."""
     try:
@@ -114,7 +142,7 @@ def load_flight(path, robot=None):
     except (OSError, rosbag.ROSBagException) as error:
         raise ReportError(f"{path}: {error}") from error
     with bag:
-        names = ("setpoint", "sim/truth", "odometry", "thruster_command", "nmpc/status", "nmpc/wrench", "disturbance")
+        names = ("setpoint", "trajectory", "sim/truth", "odometry", "thruster_command", "nmpc/status", "nmpc/wrench", "disturbance")
         found = _messages_by_name(bag, names, robot or _robot_of(bag))
     for name in ("setpoint", "thruster_command"):
         if not found[name]:
@@ -130,10 +158,14 @@ def load_flight(path, robot=None):
     setpoints = [SetPoint(stamp - start, p.position.x, p.position.y, yaw_of(p.orientation))
                  for stamp, p in sorted(by_stamp.items()) if stamp - start < end]
 
+    trajectories = {m.header.stamp.to_sec(): _trajectory(m, start) for m in found["trajectory"]}
     commands = found["thruster_command"]
     solved = [m for m in found["nmpc/status"] if m.mode != MODE_WAITING and m.solver != SOLVER_NOT_RUN]
     return Flight(
-        bag=path, start=start, end=end, setpoints=setpoints, motion=motion, motion_source=source,
+        bag=path, start=start, end=end, setpoints=setpoints,
+        trajectories=[_until(trajectories[stamp], _next_start(stamp - start, setpoints, end))
+                      for stamp in sorted(trajectories) if stamp - start < end],
+        motion=motion, motion_source=source,
         command_time=np.array([m.header.stamp.to_sec() - start for m in commands]),
         command_period=np.array([m.period for m in commands]),
         duty=np.array([m.duty for m in commands]),
@@ -152,6 +184,9 @@ def windows(flight):
     first = int(np.argmin(np.abs(motion.time)))
     before = SetPoint(0.0, motion.x[first], motion.y[first], motion.yaw[first])
     ends = [s.time for s in flight.setpoints[1:]] + [flight.end + 1e-6]
+    # A trajectory takes the place of the set-point it starts in.
+    starts = [t.time[0] for t in flight.trajectories]
+    ends = [min([end] + [t for t in starts if s.time < t < end]) for s, end in zip(flight.setpoints, ends)]
     for setpoint, end in zip(flight.setpoints, ends):
         yield setpoint, before, end
         before = setpoint
@@ -208,6 +243,22 @@ def setpoint_metrics(flight, forces_n):
     return result
 
 
+def trajectory_metrics(flight):
+    """One dictionary per trajectory: distance and yaw between robot and reference at the same time, while it lasts."""
+    result = []
+    for trajectory in flight.trajectories:
+        motion = flight.motion
+        inside = (motion.time >= trajectory.time[0]) & (motion.time <= trajectory.time[-1])
+        t = motion.time[inside]
+        distance = np.hypot(motion.x[inside] - np.interp(t, trajectory.time, trajectory.x),
+                            motion.y[inside] - np.interp(t, trajectory.time, trajectory.y))
+        yaw = wrap(motion.yaw[inside] - np.interp(t, trajectory.time, trajectory.yaw))
+        result.append({"start_s": float(trajectory.time[0]), "duration_s": float(trajectory.time[-1] - trajectory.time[0]),
+                       "position_rms_m": float(np.sqrt(np.mean(distance ** 2))), "position_max_m": float(distance.max()),
+                       "yaw_rms_rad": float(np.sqrt(np.mean(yaw ** 2))), "yaw_max_rad": float(np.abs(yaw).max())})
+    return result
+
+
 def solve_metrics(flight):
     """Solve times [ms] and deadline misses: commands more than one period after the stamp of their odometry."""
     if flight.solve_s.size == 0:
@@ -234,7 +285,7 @@ STYLE = {
 }
 
 
-def _reference(flight, value):
+def reference_curve(flight, value):
     """Step curve of one coordinate of the set-points."""
     times, values = [], []
     for setpoint, _, end in windows(flight):
@@ -243,7 +294,7 @@ def _reference(flight, value):
     return times, values
 
 
-def _continuous_yaw(flight):
+def continuous_yaw(flight):
     """Set-point yaws on the same branch as the measured, unwrapped yaw."""
     result = {}
     for setpoint, _, end in windows(flight):
@@ -252,7 +303,15 @@ def _continuous_yaw(flight):
     return result
 
 
-def _mark_steps(axes, flight):
+def _coordinate(flight, trajectory, label):
+    """What belongs to an axis of draw_states; yaw on the branch of the measured one."""
+    if label.startswith("yaw"):
+        at_start = flight.motion.yaw[np.searchsorted(flight.motion.time, trajectory.time[0])]
+        return np.degrees(trajectory.yaw + 2.0 * np.pi * np.round((at_start - trajectory.yaw[0]) / (2.0 * np.pi)))
+    return trajectory.x if label.startswith("x") else trajectory.y
+
+
+def mark_steps(axes, flight):
     for setpoint in flight.setpoints[1:]:
         axes.axvline(setpoint.time, color="#d1d5db", linewidth=0.9, zorder=0)
     axes.set_xlim(0, flight.end)
@@ -260,7 +319,7 @@ def _mark_steps(axes, flight):
 
 def draw_states(flight):
     """States against references: x, y, yaw in the left column, their rates in the right one."""
-    motion, yaw = flight.motion, _continuous_yaw(flight)
+    motion, yaw = flight.motion, continuous_yaw(flight)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(3, 2, figsize=(11, 6.6), sharex=True, constrained_layout=True)
         degrees = np.degrees
@@ -269,14 +328,16 @@ def draw_states(flight):
                 ("yaw [deg]", degrees(motion.yaw), lambda s: degrees(yaw[s.time]), "yaw rate [deg/s]",
                  degrees(motion.yaw_rate))]
         for (left, right), (label, values, reference, rate_label, rates) in zip(axes, rows):
-            left.plot(*_reference(flight, reference), color=ORANGE, linestyle="--", linewidth=1.3, label="reference")
+            left.plot(*reference_curve(flight, reference), color=ORANGE, linestyle="--", linewidth=1.3, label="reference")
+            for trajectory in flight.trajectories:
+                left.plot(trajectory.time, _coordinate(flight, trajectory, label), color=ORANGE, linestyle="--", linewidth=1.3)
             left.plot(motion.time, values, color=BLUE, label=flight.motion_source)
             left.set_ylabel(label)
             right.plot(motion.time, rates, color=BLUE, linewidth=1.1)
             right.axhline(0.0, color=ORANGE, linestyle="--", linewidth=1.1)
             right.set_ylabel(rate_label)
-            _mark_steps(left, flight)
-            _mark_steps(right, flight)
+            mark_steps(left, flight)
+            mark_steps(right, flight)
         axes[0, 0].set_title("pose", loc="left")
         axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncol=2, borderaxespad=0.0)
         axes[0, 1].set_title("velocity", loc="left")
@@ -302,7 +363,7 @@ def draw_inputs(flight):
             panel.set_ylabel(f"$u_{{{i + 1}}}$", rotation=0, labelpad=12, va="center")
             panel.set_ylim(lowest - 0.04, 1.04)
             panel.set_yticks([lowest, 0.5 * (1.0 + lowest), 1.0])
-            _mark_steps(panel, flight)
+            mark_steps(panel, flight)
         axes[0, 0].set_title("thruster inputs (share of full thrust)", loc="left")
         for bottom in axes[-1]:
             bottom.set_xlabel("time [s]")
@@ -317,7 +378,7 @@ def _draw_axes(flight, rows, labels, title):
             panel.step(rows[:, 0], values, where="post", color=BLUE, linewidth=1.1)
             panel.axhline(0.0, color=GREY, linewidth=0.8)
             panel.set_ylabel(label)
-            _mark_steps(panel, flight)
+            mark_steps(panel, flight)
         axes[0].set_title(title, loc="left")
         axes[-1].set_xlabel("time [s]")
         figure.align_ylabels()
@@ -353,7 +414,7 @@ def draw_solve_times(flight):
         left.set_xlabel("time [s]")
         left.set_ylabel("solve time [ms]")
         left.set_title("NMPC solve time", loc="left")
-        _mark_steps(left, flight)
+        mark_steps(left, flight)
         right.hist(ms, bins=np.geomspace(low, high, 60), orientation="horizontal", color=BLUE, alpha=0.6)
         right.set_title(f"median {median:.1f}, p99 {p99:.1f}, max {ms.max():.1f} ms", loc="left", fontsize=9)
         right.set_xlabel("solves")
@@ -366,6 +427,8 @@ def draw_plan_view(flight):
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(5.6, 5.4), constrained_layout=True)
         axes.plot(motion.x, motion.y, color=BLUE, label=flight.motion_source, zorder=2)
+        for trajectory in flight.trajectories:
+            axes.plot(trajectory.x, trajectory.y, color=ORANGE, linestyle="--", linewidth=1.3, zorder=2)
         seconds = np.searchsorted(motion.time, np.arange(0.0, flight.end, 2.0))
         axes.quiver(motion.x[seconds], motion.y[seconds], np.cos(motion.yaw[seconds]), np.sin(motion.yaw[seconds]),
                     color=GREY, angles="xy", scale=18, width=0.006, alpha=0.6, zorder=3)
@@ -416,6 +479,10 @@ def print_table(flight, summary):
               f"    {100 * row['overshoot_ratio']:7.2f}  {1e3 * row['steady_position_error_m']:5.2f}"
               f"  {math.degrees(row['steady_yaw_error_rad']):7.3f}  {1e3 * row['steady_position_rms_m']:12.2f}"
               f"  {row['impulse_n_s']:8.2f}")
+    for number, row in enumerate(summary["trajectories"], 1):
+        print(f"trajectory {number}, from {row['start_s']:.1f} s for {row['duration_s']:.1f} s: tracking error "
+              f"RMS {1e3 * row['position_rms_m']:.1f} mm, {math.degrees(row['yaw_rms_rad']):.2f} deg; "
+              f"max {1e3 * row['position_max_m']:.1f} mm, {math.degrees(row['yaw_max_rad']):.2f} deg")
     solve = summary["solve_ms"]
     if solve:
         print(f"NMPC solve time: median {solve['median']:.2f} ms, p99 {solve['p99']:.2f} ms, max {solve['max']:.2f} ms;"
@@ -440,7 +507,8 @@ def main():
             with open(args.sim_summary) as file:
                 realtime_factor = json.load(file)["realtime_factor"]
         summary = {"scenario": args.scenario, "controller": args.controller,
-                   "setpoints": setpoint_metrics(flight, vehicle_forces(args.vehicle)), **solve_metrics(flight),
+                   "setpoints": setpoint_metrics(flight, vehicle_forces(args.vehicle)),
+                   "trajectories": trajectory_metrics(flight), **solve_metrics(flight),
                    "realtime_factor": realtime_factor}
         os.makedirs(args.out, exist_ok=True)
         with open(os.path.join(args.out, "summary.json"), "w") as file:

@@ -98,6 +98,19 @@ double Allocator::attainable_scale(const BodyWrench& wrench) const {
   return scale;
 }
 
+Eigen::Matrix<double, Eigen::Dynamic, 3> Allocator::facet_normals() const {
+  Eigen::Matrix<double, Eigen::Dynamic, 3> normals(static_cast<Eigen::Index>(facets_.size()), 3);
+  for (std::size_t i = 0; i < facets_.size(); ++i)
+    normals.row(static_cast<Eigen::Index>(i)) = facets_[i].normal.cwiseQuotient(unit_).transpose();
+  return normals;
+}
+
+Eigen::VectorXd Allocator::facet_limits() const {
+  Eigen::VectorXd limits(static_cast<Eigen::Index>(facets_.size()));
+  for (std::size_t i = 0; i < facets_.size(); ++i) limits[static_cast<Eigen::Index>(i)] = facets_[i].support;
+  return limits;
+}
+
 double Allocator::line_search(const Eigen::Vector3d& wrench, const Eigen::Vector3d& multipliers,
                               const Eigen::Vector3d& direction) const {
   // Along the line the slope falls and is linear between the points where a duty reaches or leaves 0 or 1.

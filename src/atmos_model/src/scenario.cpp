@@ -44,6 +44,25 @@ LabSettings read_lab(const ConfigMap& map) {
   return lab;
 }
 
+TrajectorySettings read_trajectory(const ConfigMap& map, double latest_s) {
+  using Shape = TrajectorySettings::Shape;
+  TrajectorySettings settings{};
+  // Who flies it must have it before it starts.
+  settings.time_s = map.number("time_s", Bounds::between(1.0, latest_s));
+  settings.duration_s = map.number("duration_s", Bounds::between(1.0, 3600.0));
+  settings.shape =
+      map.choice("shape", {"circle", "figure_eight"}) == "circle" ? Shape::kCircle : Shape::kFigureEight;
+  const Eigen::Vector2d center = map.vector2("center_m"), size = map.vector2("size_m", Bounds::positive());
+  settings.center_x_m = center.x();
+  settings.center_y_m = center.y();
+  settings.size_x_m = size.x();
+  settings.size_y_m = size.y();
+  settings.laps = map.number("laps", Bounds::between(-100.0, 100.0));
+  settings.yaw_rad = map.number("yaw_deg", Bounds::between(-360.0, 360.0)) * kRadiansPerDegree;
+  settings.yaw_turns = map.number("yaw_turns", Bounds::between(-100.0, 100.0), 0.0);
+  return settings;
+}
+
 // A fit may find a negative delay, where clocks disagree; a simulation knows no future.
 void check_causality(const ConfigMap& root) {
   for (const ConfigMap& item : root.maps("effects", false)) {
@@ -171,6 +190,8 @@ class FleetReader {
     scenario.controller_path = file_.resolve(owner("controller").text("controller"));
     scenario.start = read_pose(map.map("start"));
     scenario.set_points = read_set_points(map, latest_s_);
+    for (const ConfigMap& trajectory : map.maps("trajectories", false))
+      scenario.trajectories.push_back(read_trajectory(trajectory, latest_s_));
     const bool vehicle_known = !owner("vehicle").faulty("vehicle") && read_vehicle_file(scenario);
     scenario.effects = read_effects(owner("effects"), vehicle_known ? &scenario.vehicle : nullptr);
     check_causality(owner("effects"));

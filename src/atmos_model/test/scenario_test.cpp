@@ -46,6 +46,8 @@ mocap:
   distortion_m: 0.0002
   stamp_jitter_s: 0.0001
 lab: {thrust_scatter: 0.02, slow_force_n: 0.003, slow_torque_n_m: 0.0002, slow_time_s: 5.0}
+trajectories:
+  - {time_s: 5.0, duration_s: 10.0, shape: figure_eight, center_m: [0.1, 0.2], size_m: [0.5, 0.4], laps: 2, yaw_deg: 180}
 effects:
   - {kind: floor_tilt, parameters: {slope_x: 0.001, slope_y: -0.002}}
   - {kind: supply_coupling, parameters: {fraction_per_open_thruster: 0.125}}
@@ -70,6 +72,12 @@ TEST_F(ScenarioFile, HoldsWhatIsWritten) {
   EXPECT_EQ(scenario.set_points[1].time_s, 20.0);
   EXPECT_EQ(scenario.set_points[1].y_m, 2.0);
   EXPECT_DOUBLE_EQ(scenario.set_points[1].yaw_rad, -M_PI / 4);
+  ASSERT_EQ(scenario.trajectories.size(), 1u);
+  EXPECT_EQ(scenario.trajectories[0].shape, TrajectorySettings::Shape::kFigureEight);
+  EXPECT_EQ(scenario.trajectories[0].center_y_m, 0.2);
+  EXPECT_EQ(scenario.trajectories[0].size_x_m, 0.5);
+  EXPECT_DOUBLE_EQ(scenario.trajectories[0].yaw_rad, M_PI);
+  EXPECT_EQ(scenario.trajectories[0].yaw_turns, 0.0);
   EXPECT_EQ(scenario.mocap.publish_delay_s, 0.01);
   ASSERT_EQ(scenario.mocap.dropouts.size(), 1u);
   EXPECT_EQ(scenario.mocap.dropouts[0].duration_s, 0.4);
@@ -85,9 +93,9 @@ TEST_F(ScenarioFile, HoldsWhatIsWritten) {
 
 TEST_F(ScenarioFile, EveryMutatedCopyIsRefusedWithTheRightKey) {
   const std::vector<Mutation> mutations = every_mutation(
-      valid(), {"step_s", "effects", "mocap.publish_delay_s", "mocap.dropout_probability", "mocap.dropouts",
-                "mocap.distortion_m", "mocap.stamp_jitter_s", "lab", "lab.thrust_scatter", "lab.slow_force_n",
-                "lab.slow_torque_n_m", "lab.slow_time_s"});
+      valid(), {"step_s", "effects", "trajectories", "mocap.publish_delay_s", "mocap.dropout_probability",
+                "mocap.dropouts", "mocap.distortion_m", "mocap.stamp_jitter_s", "lab", "lab.thrust_scatter",
+                "lab.slow_force_n", "lab.slow_torque_n_m", "lab.slow_time_s"});
   EXPECT_GT(mutations.size(), 70u);
   for (const Mutation& mutation : mutations)
     expect_refused(mutation, [this](const YAML::Node& root) { load(root); });

@@ -1,13 +1,9 @@
 // Odometry and set-points in, commands out: messages and threads around atmos::Controller.
-#include <atmos_msgs/Disturbance.h>
 #include <atmos_msgs/MocapStatus.h>
 #include <atmos_msgs/NmpcStatus.h>
-#include <atmos_msgs/ThrusterCommand.h>
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <geometry_msgs/PoseStamped.h>
-#include <geometry_msgs/WrenchStamped.h>
 #include <nav_msgs/Odometry.h>
-#include <nav_msgs/Path.h>
 #include <ros/ros.h>
 #include <ros/steady_timer.h>
 
@@ -16,10 +12,12 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_nmpc/controller.h"
+#include "nmpc_messages.h"
 
 namespace atmos {
 namespace {
@@ -41,6 +39,7 @@ class NmpcNode {
     // Every level is there whatever the formulation, so that nothing but the controller file depends on it.
     thrusters_pub_ = node_.advertise<atmos_msgs::ThrusterCommand>("nmpc/thrusters", kQueue);
     wrench_pub_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", kQueue);
+    rate_pub_ = node_.advertise<atmos_msgs::RateCommand>("nmpc/rate", kQueue);
     disturbance_pub_ = node_.advertise<atmos_msgs::Disturbance>("disturbance", kQueue);
     status_pub_ = node_.advertise<atmos_msgs::NmpcStatus>("nmpc/status", kQueue);
     path_pub_ = node_.advertise<nav_msgs::Path>("nmpc/predicted_path", kQueue);
@@ -48,6 +47,18 @@ class NmpcNode {
     odometry_sub_ = node_.subscribe("odometry", 100, &NmpcNode::on_odometry, this, no_delay);
     mocap_status_sub_ = node_.subscribe("mocap/status", 100, &NmpcNode::on_mocap_status, this, no_delay);
     set_point_sub_ = node_.subscribe("setpoint", 10, &NmpcNode::on_set_point, this, no_delay);
+    trajectory_sub_ = node_.subscribe("trajectory", 10, &NmpcNode::on_trajectory, this, no_delay);
+
+    for (const std::string& other : config.robots) {
+      const boost::function<void(const nav_msgs::Odometry&)> see =
+          [this, other](const nav_msgs::Odometry& odometry) {
+            const State13<double> x = state13_from(odometry);
+            if (odometry.header.frame_id == kWorldFrame)
+              controller_.see_robot(other, odometry.header.stamp.toSec(), x.head<2>(),
+                                    x.segment<2>(state13::kVelocity));
+          };
+      robot_subs_.push_back(node_.subscribe<nav_msgs::Odometry>("/" + other + "/odometry", 10, see));
+    }
 
     diagnostics_.setHardwareID(robot);
     diagnostics_.add("nmpc", this, &NmpcNode::diagnose);
@@ -91,6 +102,24 @@ class NmpcNode {
       return;
     }
     controller_.add_goal({message.header.stamp.toSec(), {p.x, p.y, p.z}, {q.w, q.x, q.y, q.z}});
+    release();
+  }
+
+  void on_trajectory(const trajectory_msgs::MultiDOFJointTrajectory& message) {
+    if (message.header.frame_id != kWorldFrame) {
+      ROS_WARN_THROTTLE(1.0, "trajectory in frame '%s' ignored: it must be '%s'",
+                        message.header.frame_id.c_str(), kWorldFrame);
+      return;
+    }
+    const std::uint64_t before = controller_.counters().rejected_goals;
+    controller_.add_trajectory(trajectory_points(message));
+    if (controller_.counters().rejected_goals != before)
+      ROS_WARN("trajectory of %zu points ignored: it is over, or %s", message.points.size(),
+               trajectory_fault(trajectory_points(message)).c_str());
+    release();
+  }
+
+  void release() {
     if (!controller_.has_goal()) return;
     while (!held_.empty()) {
       held_.front()();
@@ -116,70 +145,24 @@ class NmpcNode {
   void publish(const ControlDecision* decision, double event_stamp_s, double begin) {
     if (decision == nullptr) return;
     const ros::Time stamp(decision->command.stamp_s);
-    publish_command(*decision, stamp);
+    publish_command(*decision);
     publish_status(*decision, stamp, event_stamp_s, begin);
-    if (decision->disturbance) publish_disturbance(*decision->disturbance, stamp);
-    if (!decision->path.empty() && path_pub_.getNumSubscribers() > 0) publish_path(*decision, stamp);
+    if (decision->disturbance) disturbance_pub_.publish(disturbance_message(*decision));
+    if (!decision->path.empty() && path_pub_.getNumSubscribers() > 0)
+      path_pub_.publish(path_message(*decision));
     controller_.prepare();
   }
 
-  void publish_path(const ControlDecision& decision, const ros::Time& stamp) {
-    nav_msgs::Path path;
-    path.header.stamp = stamp;
-    path.header.frame_id = kWorldFrame;
-    for (std::size_t k = 0; k < decision.path.size(); ++k) {
-      const State13<double>& x = decision.path[k];
-      geometry_msgs::PoseStamped pose;
-      pose.header.frame_id = kWorldFrame;
-      pose.header.stamp =
-          ros::Time(decision.command.stamp_s + static_cast<double>(k) * controller_.period_s());
-      pose.pose.position.x = x[0];
-      pose.pose.position.y = x[1];
-      pose.pose.position.z = x[2];
-      pose.pose.orientation.w = x[state13::kQuaternion];
-      pose.pose.orientation.x = x[state13::kQuaternion + 1];
-      pose.pose.orientation.y = x[state13::kQuaternion + 2];
-      pose.pose.orientation.z = x[state13::kQuaternion + 3];
-      path.poses.push_back(pose);
-    }
-    path_pub_.publish(path);
-  }
-
-  void publish_command(const ControlDecision& decision, const ros::Time& stamp) {
+  void publish_command(const ControlDecision& decision) {
     // Closed valves are a thruster command at every level.
     const bool closed = decision.mode == ControlMode::kClosed || decision.mode == ControlMode::kWaiting;
     if (closed || controller_.level() == CommandLevel::kThrusters) {
-      atmos_msgs::ThrusterCommand command;
-      command.header.stamp = stamp;
-      command.header.frame_id = base_frame_;
-      command.period = decision.command.period_s;
-      command.duty = decision.command.duty;
-      thrusters_pub_.publish(command);
+      thrusters_pub_.publish(thruster_message(decision, base_frame_));
+    } else if (controller_.level() == CommandLevel::kWrench) {
+      wrench_pub_.publish(wrench_message(decision, base_frame_));
     } else {
-      geometry_msgs::WrenchStamped command;
-      command.header.stamp = stamp;
-      command.header.frame_id = base_frame_;
-      command.wrench.force.x = decision.wrench[0];
-      command.wrench.force.y = decision.wrench[1];
-      command.wrench.torque.z = decision.wrench[2];
-      wrench_pub_.publish(command);
+      rate_pub_.publish(rate_message(decision, base_frame_));
     }
-  }
-
-  void publish_disturbance(const DisturbanceEstimate& estimate, const ros::Time& stamp) {
-    atmos_msgs::Disturbance message;
-    message.header.stamp = stamp;
-    message.header.frame_id = kWorldFrame;
-    const auto to_message = [](const Vec3<double>& v, geometry_msgs::Vector3& out) {
-      out.x = v[0];
-      out.y = v[1];
-      out.z = v[2];
-    };
-    to_message(estimate.mean.acceleration_W, message.linear_acceleration);
-    to_message(estimate.mean.angular_acceleration_B, message.angular_acceleration);
-    for (int i = 0; i < 36; ++i)
-      message.covariance[static_cast<std::size_t>(i)] = estimate.covariance(i / 6, i % 6);
-    disturbance_pub_.publish(message);
   }
 
   void publish_status(const ControlDecision& decision, const ros::Time& stamp, double event_stamp_s,
@@ -233,7 +216,7 @@ class NmpcNode {
     out.add("odometry rejected, not finite", counters.rejected_not_finite);
     out.add("odometry rejected, out of order", counters.rejected_order);
     out.add("odometry rejected, wrong frame", counters.rejected_frame);
-    out.add("set-points rejected", counters.rejected_goals);
+    out.add("set-points and trajectories rejected", counters.rejected_goals);
     out.add("solve time, s", last_status_.solve_time);
   }
 
@@ -249,8 +232,9 @@ class NmpcNode {
     return status;
   }();
   diagnostic_updater::Updater diagnostics_;
-  ros::Publisher thrusters_pub_, wrench_pub_, disturbance_pub_, status_pub_, path_pub_;
-  ros::Subscriber odometry_sub_, mocap_status_sub_, set_point_sub_;
+  ros::Publisher thrusters_pub_, wrench_pub_, rate_pub_, disturbance_pub_, status_pub_, path_pub_;
+  ros::Subscriber odometry_sub_, mocap_status_sub_, set_point_sub_, trajectory_sub_;
+  std::vector<ros::Subscriber> robot_subs_;
   ros::SteadyTimer diagnostics_timer_, watchdog_;
 };
 

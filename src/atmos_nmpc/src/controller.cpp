@@ -36,20 +36,29 @@ Eigen::Matrix<double, 6, 1> pulse_velocity(const Vehicle& vehicle, const Allocat
   return velocity;
 }
 
+std::optional<FlightModel> model_of(const Vehicle& vehicle, const ControllerConfig& config) {
+  if (config.model.empty()) return std::nullopt;
+  return FlightModel(vehicle, config.model);
+}
+
 }  // namespace
 
 Controller::Controller(const Vehicle& vehicle, const ControllerConfig& config, bool lockstep,
                        Stopwatch stopwatch)
-    : vehicle_(vehicle),
+    : model_(model_of(vehicle, config)),
+      vehicle_(model_ ? model_->vehicle() : vehicle),
       config_(config),
-      thrusters_(thruster_matrices(vehicle)),
-      allocator_(vehicle),
-      law_(make_control_law(vehicle, config, !lockstep, std::move(stopwatch))),
-      commands_(static_cast<int>(vehicle.thrusters.size()), {}, vehicle.actuation) {
-  if (config.observer) observer_.emplace(vehicle, *config.observer);
+      thrusters_(thruster_matrices(vehicle_)),
+      allocator_(vehicle_),
+      law_(make_control_law(vehicle_, config, !lockstep, std::move(stopwatch))),
+      commands_(static_cast<int>(vehicle.thrusters.size()), model_ ? model_->timing() : ValveTiming{},
+                vehicle.actuation) {
+  if (config.observer) observer_.emplace(vehicle_, *config.observer);
   if (lockstep) config_.lead_s = 0.0;
   decision_.command.duty.reserve(vehicle.thrusters.size());
   decision_.path.reserve(static_cast<std::size_t>(law_->stages()) + 1);
+  task_.reference.reserve(static_cast<std::size_t>(law_->stages()) + 1);
+  task_.disturbance.reserve(static_cast<std::size_t>(law_->stages()));
   input_.duty.reserve(vehicle.thrusters.size());
 }
 
@@ -61,15 +70,43 @@ void Controller::add_goal(const Goal& goal) {
   }
   Goal accepted = goal;
   accepted.q_WB.normalize();
+  insert(std::move(accepted));
+}
+
+void Controller::add_trajectory(std::vector<TrajectoryPoint> points) {
+  const bool over = !points.empty() && last_period_ &&
+                    points.back().time_s <= static_cast<double>(*last_period_) * period_s();
+  if (!trajectory_fault(points).empty() || over) {
+    ++counters_.rejected_goals;
+    return;
+  }
+  Goal goal{points.front().time_s, points.front().p_WB, points.front().q_WB};
+  goal.trajectory = std::make_shared<const Trajectory>(std::move(points));
+  insert(std::move(goal));
+}
+
+void Controller::insert(Goal goal) {
   // What is asked for the past holds at once, and takes the place of what holds now.
   if (last_period_) {
     const double now_s = static_cast<double>(*last_period_) * period_s();
     const Goal* in_force = goal_at(now_s);
-    accepted.stamp_s = std::max({goal.stamp_s, now_s, in_force == nullptr ? now_s : in_force->stamp_s});
+    goal.stamp_s = std::max({goal.stamp_s, now_s, in_force == nullptr ? now_s : in_force->stamp_s});
   }
-  const auto later = std::upper_bound(goals_.begin(), goals_.end(), accepted.stamp_s,
+  const auto later = std::upper_bound(goals_.begin(), goals_.end(), goal.stamp_s,
                                       [](double stamp, const Goal& other) { return stamp < other.stamp_s; });
-  goals_.insert(later, accepted);
+  goals_.insert(later, std::move(goal));
+}
+
+void Controller::see_robot(const std::string& name, double stamp_s, const Eigen::Vector2d& p_W,
+                           const Eigen::Vector2d& v_W) {
+  if (std::isfinite(stamp_s) && p_W.allFinite() && v_W.allFinite()) robots_[name] = {stamp_s, p_W, v_W};
+}
+
+Disc Controller::predicted_robot(const OtherRobot& robot, double start_s) const {
+  const double age_s = start_s - robot.stamp_s;
+  const bool seen = age_s <= config_.limits.odometry_lost_s + kStampTolerance;
+  const Eigen::Vector2d v_W = seen ? robot.v_W : Eigen::Vector2d::Zero();
+  return {robot.p_W + age_s * v_W, config_.robot_distance_m, period_s() * v_W};
 }
 
 const Goal* Controller::goal_at(double time_s) const {
@@ -132,6 +169,7 @@ const ControlDecision* Controller::step(double event_s) {
   decision_.command.period_s = period_s();
   decision_.command.duty.assign(vehicle_.thrusters.size(), 0.0);
   decision_.wrench.setZero();
+  decision_.yaw_rate = 0.0;
   decision_.mode = ControlMode::kWaiting;
   decision_.odometry = OdometryState::kNone;
   decision_.odometry_age_s = 0.0;
@@ -153,7 +191,7 @@ void Controller::prepare() {
   if (config_.feedback == FeedbackKind::kFull || decision_.mode != ControlMode::kSolved) return;
   const std::int64_t next = *last_period_ + 1;
   const double start_s = static_cast<double>(next) * period_s();
-  if (observer_) observer_->predict_ahead(start_s - config_.lead_s, commands_);
+  if (observer_) observer_->predict_ahead(exposed(start_s - config_.lead_s), commands_);
   prepared_ = law_->prepare(task_for(next, estimate(start_s), *goal_at(start_s)));
   if (prepared_.status == SolverStatus::kNotRun) return;
   count(prepared_);
@@ -176,11 +214,15 @@ void Controller::decide(ControlDecision& decision) {
     have_plan_ = at_rest_ = false;
     law_->forget();
     if (observer_) observer_->reset();
+    if (model_) model_->forget();
     braking_since_s_.reset();
     return;
   }
-  if (observer_ && (!observer_->started() || observer_->stamp_s() < odometry_->stamp_s))
-    observer_->update(odometry_->stamp_s, odometry_->x, commands_);
+  motion_ = model_ ? model_->from_measured(odometry_->x) : odometry_->x;
+  const double seen_s = exposed(odometry_->stamp_s);
+  if (observer_ && (!observer_->started() || observer_->stamp_s() < seen_s))
+    observer_->update(seen_s, motion_, commands_);
+  if (model_) model_->observe(seen_s, motion_, commands_);
   const ObserverState now = estimate(start_s);
   if (observer_) {
     decision.disturbance = {now.d, observer_->covariance().bottomRightCorner<6, 6>()};
@@ -191,28 +233,61 @@ void Controller::decide(ControlDecision& decision) {
 }
 
 ObserverState Controller::estimate(double start_s) const {
-  if (observer_) return observer_->predicted(start_s, commands_);
+  if (observer_) return observer_->predicted(acting(start_s), commands_);
+  if (model_) return {model_->predict(acting(start_s), commands_), {}};
   return {predict(vehicle_, thrusters_, commands_, odometry_->x, odometry_->stamp_s, start_s), {}};
 }
 
 void Controller::ask(int k, ControlDecision& decision) {
   law_->input(k, input_);
+  if (model_) model_->compensate(decision.command.stamp_s, input_.duty);
   decision.command.duty = input_.duty;
   decision.wrench = input_.wrench;
+  decision.yaw_rate = input_.yaw_rate;
 }
 
-ControlTask Controller::task_for(std::int64_t period, const ObserverState& now, const Goal& goal) {
-  ControlTask task{period, now.x, State13<double>::Zero(), now.d};
-  task.reference.segment<3>(kPosition) = goal.p_WB;
-  task.reference.segment<4>(kQuaternion) = goal.q_WB;
-  if (observer_) {
-    // The prediction holds forces over the period, for which a robot held at rest has no velocity.
-    law_->holding_input(goal.q_WB, now.d, input_);
-    const auto pulses = pulse_velocity(vehicle_, thrusters_, input_.duty, goal.q_WB);
-    task.x0.segment<3>(kVelocity) -= pulses.head<3>();
-    task.x0.segment<3>(kAngularVelocity) -= pulses.tail<3>();
+const ControlTask& Controller::task_for(std::int64_t period, const ObserverState& now, const Goal& goal) {
+  const double start_s = static_cast<double>(period) * period_s();
+  task_.period = period;
+  task_.x0 = now.x;
+  task_.reference.clear();
+  for (int k = 0; k <= (goal.trajectory ? law_->stages() : 0); ++k) {
+    task_.reference.push_back(goal.at(acting(start_s) + static_cast<double>(k) * period_s()));
+    if (model_) task_.reference.back() = model_->of_center_of_mass(task_.reference.back());
   }
-  return task;
+  task_.robots.clear();
+  for (const auto& robot : robots_) task_.robots.push_back(predicted_robot(robot.second, start_s));
+  task_.disturbance.assign(1, now.d);
+  if (model_) add_model_disturbance(period, now);
+  if (observer_ || model_) {
+    // The prediction holds forces over the period, for which a robot held at rest has no velocity.
+    const Quaternion4<double> q_WB = task_.reference.front().x.segment<4>(kQuaternion);
+    law_->holding_input(q_WB, task_.disturbance.front(), input_);
+    const auto pulses = pulse_velocity(vehicle_, thrusters_, input_.duty, q_WB);
+    task_.x0.segment<3>(kVelocity) -= pulses.head<3>();
+    task_.x0.segment<3>(kAngularVelocity) -= pulses.tail<3>();
+  }
+  return task_;
+}
+
+void Controller::add_model_disturbance(std::int64_t period, const ObserverState& now) {
+  const double start_s = acting(static_cast<double>(period) * period_s());
+  const Disturbance here = model_->disturbance(start_s, now.x, task_.reference_at(0).x);
+  task_.disturbance.clear();
+  for (int k = 0; k < law_->stages(); ++k) {
+    // Where the last plan will be; it was made for an earlier period.
+    const std::int64_t of_plan = k + period - plan_period_;
+    const bool known = have_plan_ && of_plan > 0 && of_plan <= law_->stages();
+    const State13<double> there = k == 0 || !known ? now.x : law_->state(static_cast<int>(of_plan));
+    Disturbance disturbance =
+        model_->disturbance(start_s + static_cast<double>(k) * period_s(), there, task_.reference_at(k).x);
+    if (observer_) {
+      // The observer has found what acts here, the model says how it differs there.
+      disturbance.acceleration_W += now.d.acceleration_W - here.acceleration_W;
+      disturbance.angular_acceleration_B += now.d.angular_acceleration_B - here.angular_acceleration_B;
+    }
+    task_.disturbance.push_back(disturbance);
+  }
 }
 
 void Controller::count(const SolveResult& result) {
@@ -221,7 +296,7 @@ void Controller::count(const SolveResult& result) {
 }
 
 void Controller::solve(const ObserverState& now, const Goal& goal, ControlDecision& decision) {
-  const ControlTask task = task_for(*last_period_, now, goal);
+  const ControlTask& task = task_for(*last_period_, now, goal);
   decision.feedback = law_->feedback(task);
   if (decision.feedback) {
     decision.solve = prepared_;
@@ -238,7 +313,8 @@ void Controller::solve(const ObserverState& now, const Goal& goal, ControlDecisi
   decision.mode = ControlMode::kSolved;
   ask(0, decision);
   decision.active = law_->active_bounds();
-  for (int k = 0; k <= law_->stages(); ++k) decision.path.push_back(law_->state(k));
+  for (int k = 0; k <= law_->stages(); ++k)
+    decision.path.push_back(model_ ? model_->shown(law_->state(k)) : law_->state(k));
 }
 
 void Controller::fall_back(const State13<double>& x0, ControlDecision& decision) {
@@ -274,6 +350,7 @@ void Controller::fall_back(const State13<double>& x0, ControlDecision& decision)
   const Allocation allocation = allocator_.allocate(wrench);
   decision.command.duty = allocation.duty;
   if (level() == CommandLevel::kWrench) decision.wrench = wrench;
+  if (level() == CommandLevel::kRate) decision.wrench.head<2>() = wrench.head<2>();  // and no rate
 }
 
 }  // namespace atmos

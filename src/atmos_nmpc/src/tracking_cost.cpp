@@ -20,21 +20,6 @@ const Eigen::Vector3d& limits_of(const SoftBounds& bounds, int block) {
   return block == 0 ? bounds.position : block == 1 ? bounds.velocity : bounds.rate;
 }
 
-struct Penalty {
-  double value, slope, curvature;
-};
-
-// linear * h + quadratic * h^2 for a violation d.
-Penalty penalty(const SoftBounds& bounds, double d) {
-  const double root = std::sqrt(d * d + bounds.width * bounds.width);
-  const double h = d > 0.0 ? 0.5 * (d + root) : 0.5 * bounds.width * bounds.width / (root - d);
-  const double dh = h / root;
-  const double ddh = 0.5 * bounds.width * bounds.width / (root * root * root);
-  const double slope_h = bounds.linear + 2.0 * bounds.quadratic * h;
-  return {(bounds.linear + bounds.quadratic * h) * h, slope_h * dh,
-          slope_h * ddh + 2.0 * bounds.quadratic * dh * dh};
-}
-
 // Both sides of |y| <= limit.
 Penalty box_penalty(const SoftBounds& bounds, double limit, double y) {
   const Penalty above = penalty(bounds, y - limit), below = penalty(bounds, -y - limit);
@@ -49,6 +34,17 @@ Eigen::Matrix<double, 3, 4> vector_error_matrix(const Quaternion4<double>& r) {
 }
 
 }  // namespace
+
+// linear * h + quadratic * h^2 for a violation d.
+Penalty penalty(const SoftBounds& bounds, double d) {
+  const double root = std::sqrt(d * d + bounds.width * bounds.width);
+  const double h = d > 0.0 ? 0.5 * (d + root) : 0.5 * bounds.width * bounds.width / (root - d);
+  const double dh = h / root;
+  const double ddh = 0.5 * bounds.width * bounds.width / (root * root * root);
+  const double slope_h = bounds.linear + 2.0 * bounds.quadratic * h;
+  return {(bounds.linear + bounds.quadratic * h) * h, slope_h * dh,
+          slope_h * ddh + 2.0 * bounds.quadratic * dh * dh};
+}
 
 TrackingCost::TrackingCost(AttitudeError kind, const TrackingWeights& weights, const SoftBounds& bounds)
     : kind_(kind), weights_(weights), bounds_(bounds) {
@@ -121,6 +117,7 @@ double TrackingCost::value(const State& x, int k, bool terminal) const {
     for (int i = 0; i < 3; ++i)
       sum += box_penalty(bounds_, limits_of(bounds_, block)[i], x[kBoundedBlocks[block] + i]).value;
   }
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d&) { sum += penalty(bounds_, d).value; });
   return sum;
 }
 
@@ -138,6 +135,9 @@ void TrackingCost::add_gradient(const State& x, int k, bool terminal, double fac
       gradient[row] += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).slope;
     }
   }
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal) {
+    gradient.head<2>() += factor * penalty(bounds_, d).slope * normal;
+  });
 }
 
 void TrackingCost::add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const {
@@ -159,14 +159,18 @@ void TrackingCost::add_hessian(const State& x, int k, bool terminal, double fact
       H(row, row) += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).curvature;
     }
   }
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal) {
+    H.topLeftCorner<2, 2>() += factor * penalty(bounds_, d).curvature * normal * normal.transpose();
+  });
 }
 
-int TrackingCost::active_bounds(const State& x) const {
+int TrackingCost::active_bounds(const State& x, int k) const {
   int count = 0;
   for (int block = 0; block < bounded_blocks(bounds_); ++block) {
     for (int i = 0; i < 3; ++i)
       count += std::abs(x[kBoundedBlocks[block] + i]) >= limits_of(bounds_, block)[i] - bounds_.width ? 1 : 0;
   }
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d&) { count += d >= -bounds_.width ? 1 : 0; });
   return count;
 }
 

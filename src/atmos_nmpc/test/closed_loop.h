@@ -47,21 +47,22 @@ class Flight {
   Flight(const Vehicle& vehicle, Controller& controller, double start_s, const PlanarState<double>& start,
          Noise noise, std::uint32_t seed, const std::vector<Effect>& effects = {})
       : plant_(vehicle, effects, start_s),
-        valves_(static_cast<int>(vehicle.thrusters.size())),
+        valves_(static_cast<int>(vehicle.thrusters.size()), plant_.properties().timing),
         controller_(controller),
         noise_(noise),
         random_(seed) {
     state_.time_s = start_s;
-    state_.body = start;
+    state_.body = exposed_ = center_of_mass_state(start, plant_.properties().com_B);
     state_.hidden = plant_.initial_hidden();
     period_ = std::llround(start_s / vehicle.pwm.period_s);
   }
 
   double now() const { return static_cast<double>(period_) * controller_.period_s(); }
-  const PlanarState<double>& truth() const { return state_.body; }
+  // Motion of base_link.
+  PlanarState<double> truth() const { return geometric_center_state(state_.body, plant_.properties().com_B); }
 
   OdometrySample measure() {
-    PlanarState<double> seen = state_.body;
+    PlanarState<double> seen = plant_.measured(exposed_);
     seen.p_WC += noise_.position_m * Eigen::Vector2d(normal_(random_), normal_(random_));
     seen.v_WC += noise_.velocity_m_s * Eigen::Vector2d(normal_(random_), normal_(random_));
     seen.yaw += noise_.yaw_rad * normal_(random_);
@@ -73,7 +74,7 @@ class Flight {
   FlightRow period(bool seen = true) {
     const ControlDecision* decision =
         seen ? controller_.on_odometry(measure(), now()) : controller_.on_missing_frame(now());
-    FlightRow row{now(), state_.body, *decision};
+    FlightRow row{now(), truth(), *decision};
     carry_out(row.decision);
     return row;
   }
@@ -82,6 +83,8 @@ class Flight {
     valves_.add(decision.command);
     controller_.prepare();
     ++period_;
+    advance(plant_, valves_, now() - plant_.properties().mocap_latency_s, state_);
+    exposed_ = state_.body;
     advance(plant_, valves_, now(), state_);
     valves_.forget_before(now() - 1.0);
   }
@@ -94,6 +97,7 @@ class Flight {
   std::mt19937 random_;
   std::normal_distribution<double> normal_;
   PlantState state_;
+  PlanarState<double> exposed_;  // what the newest frame shows of the centre of mass
   std::int64_t period_;
 };
 

@@ -87,12 +87,27 @@ TEST_F(ControllerFile, EachBrokenRuleIsNamed) {
       {"odometry_lost_s: 0.5", "odometry_lost_s: 0.05", "odometry_lost_s"},
       {"position: [200, 200, 200]", "position: [0, 0, 0]", "position"},
       {"velocity_m_s: [1, 1, 1]", "velocity_m_s: [1, 1]", "velocity_m_s"},
+      {"  limits:", "  model: ../nowhere.yaml\n  limits:", "nowhere.yaml"},
+      {"  limits:", "  places: {keep_in_m: [[0, 0], [0, 1], [1, 1], [1, 0]]}\n  limits:", "keep_in_m"},
+      {"  limits:", "  places: {keep_in_m: [[0, 0], [1, 0]]}\n  limits:", "keep_in_m"},
+      {"  limits:", "  places: {obstacles: [{center_m: [0, 0], radius_m: 0}]}\n  limits:", "radius_m"},
+      {"  limits:", "  places: {robots: [snap]}\n  limits:", "robot_distance_m"},
   };
   for (const auto& broken : cases) {
     const std::string what = faults_with(broken.from, broken.to);
     EXPECT_NE(what.find(broken.named), std::string::npos) << broken.to << " -> " << what;
-    EXPECT_NE(what.find("controller_under_test.yaml"), std::string::npos) << broken.to << " -> " << what;
+    if (std::string(broken.named) != "nowhere.yaml") {
+      EXPECT_NE(what.find("controller_under_test.yaml"), std::string::npos) << broken.to << " -> " << what;
+    }
   }
+}
+
+TEST_F(ControllerFile, PlacesAreRead) {
+  EXPECT_EQ(faults_with("  limits:",
+                        "  places:\n    keep_in_m: [[0, 0], [1, 0], [1, 1], [0, 1]]\n"
+                        "    obstacles: [{center_m: [0.5, 0.5], radius_m: 0.1}]\n"
+                        "    robots: [snap]\n    robot_distance_m: 0.6\n  limits:"),
+            "");
 }
 
 TEST_F(ControllerFile, SeveralFaultsAreReportedAtOnce) {

@@ -95,6 +95,21 @@ TEST_P(Shooting, DerivativesAgainstCentralDifferences) {
   }
 }
 
+TEST_P(Shooting, DerivativesWithWallsAndAPolytopeOfInputs) {
+  for (const auto& [name, q] : attitudes(31)) {
+    SCOPED_TRACE(name);
+    DirectAllocation problem = make_direct_allocation(vehicle_, config_);
+    Places places;
+    places.walls = {{{0.6, 0.8}, 0.1}, {{-1.0, 0.0}, 0.2}};
+    problem.cost().set_places(places);
+    Eigen::Matrix<double, Eigen::Dynamic, 4> normals(2, 4);
+    normals << 0.5, 0.5, -0.5, 0.5, 0.1, -0.7, 0.7, 0.1;
+    problem.set_input_polytope(normals, Eigen::Vector2d(0.4, -0.3), config_.bounds);
+    problem.set_initial_state(moving_state(q, 34));
+    expect_exact_derivatives(problem, point(q));
+  }
+}
+
 // Every stage has a reference, an input reference and a disturbance of its own.
 template <class Problem>
 void make_stages_differ(Problem& problem, const Quaternion4<double>& q) {

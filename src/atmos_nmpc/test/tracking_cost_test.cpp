@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
 #include "numeric.h"
 
 namespace atmos {
@@ -68,6 +70,31 @@ TEST_P(BothErrors, DerivativesAgainstCentralDifferences) {
 INSTANTIATE_TEST_SUITE_P(Errors, BothErrors,
                          ::testing::Values(AttitudeError::kVector, AttitudeError::kPaper));
 
+TEST(TrackingCost, PlacesAreSlopesOfTheirPenalty) {
+  TrackingCost cost(AttitudeError::kVector, weights(), bounds());
+  Places places;
+  places.walls = {{{0.6, 0.8}, 0.3}};
+  places.obstacles = {{{0.2, 0.1}, 0.5, {0.05, 0.0}}};
+  cost.set_places(places);
+  State13<double> x = at_rest(about_axis({0, 0, 1}, 0.0));
+  for (const int k : {0, 4}) {
+    for (const double at : {-0.5, 0.15, 0.4}) {
+      x.head<2>() << at, 0.3;
+      State13<double> gradient = State13<double>::Zero();
+      cost.add_gradient(x, k, false, 1.0, gradient);
+      const Eigen::MatrixXd slope = numeric_jacobian(
+          [&](const Eigen::VectorXd& y) { return Eigen::VectorXd::Constant(1, cost.value(y, k, false)); }, x);
+      EXPECT_LT((gradient - slope.transpose()).norm(), 1e-5 * (1.0 + gradient.norm()));
+      TrackingCost::Hessian H = TrackingCost::Hessian::Zero();
+      cost.add_hessian(x, k, false, 1.0, H);
+      EXPECT_GT((H.topLeftCorner<2, 2>().determinant()), 0.0);
+    }
+  }
+  // An obstacle that moves away: at stage 4 its centre is at 0.4 m.
+  x.head<2>() << -0.2, 0.1;
+  EXPECT_GT(cost.value(x, 0, false) - cost.value(x, 4, false), 10.0);
+}
+
 TEST(TrackingCost, VectorErrorIsTheAngleAndBlindToTheQuaternionsSign) {
   for (const double yaw_ref : {0.0, 1.0, 3.0, -2.5}) {
     for (const double error : {1e-4, 0.5, -1.0}) {
@@ -104,7 +131,7 @@ TEST(TrackingCost, SoftBoundsCostNothingInsideAndTheirPenaltyOutside) {
   EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 0.0, 0.1);
   x[kVelocity] = -0.7;
   EXPECT_NEAR(with.value(x, 0, false) - without.value(x, 0, false), 100 * 0.2 + 1000 * 0.04, 0.2);
-  EXPECT_EQ(with.active_bounds(x), 1);
+  EXPECT_EQ(with.active_bounds(x, 0), 1);
 }
 
 }  // namespace

@@ -36,6 +36,10 @@ class Allocator {
   // Largest factor by which `wrench` may be multiplied and still be realised: 1 on the boundary of the
   // attainable set, infinite for the zero wrench.
   double attainable_scale(const BodyWrench& wrench) const;
+  // The attainable set as half-spaces, row . wrench <= limit: the rows of N^-1, N^-1, (N m)^-1, each of
+  // length 1 in units of the strongest thruster's force and torque.
+  Eigen::Matrix<double, Eigen::Dynamic, 3> facet_normals() const;
+  Eigen::VectorXd facet_limits() const;
   // Largest force along body x, along body y and torque that the healthy thrusters realise alone in both
   // senses [N, N, N m].
   const BodyWrench& max_wrench() const { return max_wrench_; }

@@ -19,6 +19,19 @@ struct SetPoint {
   double yaw_rad;  // written as yaw_deg
 };
 
+// A closed curve to follow, from rest to rest: laps of a circle (clockwise: negative) or of a figure eight.
+struct TrajectorySettings {
+  enum class Shape { kCircle, kFigureEight };
+  double time_s;  // start, after the start of the flight
+  double duration_s;
+  Shape shape;
+  double center_x_m, center_y_m;
+  double size_x_m, size_y_m;  // half the extent along world x and y
+  double laps;
+  double yaw_rad;    // at the start, written as yaw_deg
+  double yaw_turns;  // how often the robot turns about itself on the way
+};
+
 // Frames are lost in this stretch of the flight.
 struct Dropout {
   double start_s;  // after the start of the flight
@@ -83,6 +96,7 @@ struct Scenario {
   double step_s;   // simulator step
   SetPoint start;  // time_s unused
   std::vector<SetPoint> set_points;
+  std::vector<TrajectorySettings> trajectories;  // each holds from its start on, until a later set-point
   MocapSettings mocap;
   LabSettings lab;
   std::vector<Effect> effects;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -12,26 +13,39 @@
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/rigid_body_step.h"
 #include "atmos_nmpc/solver.h"
+#include "atmos_nmpc/trajectory.h"
 
 namespace atmos {
 
 // What the flight controller is asked for (docs/architecture.md, "Command levels").
-enum class CommandLevel { kThrusters, kWrench };
+enum class CommandLevel { kThrusters, kWrench, kRate };
 
 // What is asked of the actuators for one period. Filling one whose duty has its size already allocates
 // nothing.
 struct ActuatorInput {
-  BodyWrench wrench = BodyWrench::Zero();  // kWrench: as sent; otherwise zero
-  std::vector<double>
-      duty;  // kThrusters: as sent; otherwise what the flight controller's allocator makes of it
+  BodyWrench wrench = BodyWrench::Zero();  // kWrench: as sent; kRate: its force; otherwise zero
+  double yaw_rate = 0.0;                   // kRate: as sent
+  std::vector<double> duty;  // kThrusters: as sent; otherwise what the flight controller's allocator makes of
+                             // it, at kRate without the torque, which is the rate level's own
 };
 
-// One period's problem.
+// One period's problem. The lists hold what belongs to the stages from the first on; their last element
+// belongs to all stages after it too, so that a set-point is a list of one.
 struct ControlTask {
-  std::int64_t period;        // its number: the previous plan is shifted by the periods that have passed
-  State13<double> x0;         // at the start of the period
-  State13<double> reference;  // pose at rest, quaternion of unit length
-  Disturbance disturbance;
+  std::int64_t period = 0;  // its number: the previous plan is shifted by the periods that have passed
+  State13<double> x0 = State13<double>::Zero();  // at the start of the period
+  std::vector<ReferencePoint> reference;         // at the starts of stages 0 ... N
+  std::vector<Disturbance> disturbance;          // over stages 0 ... N-1
+  std::vector<Disc> robots;                      // to keep away from
+
+  const ReferencePoint& reference_at(int k) const { return at(reference, k); }
+  const Disturbance& disturbance_at(int k) const { return at(disturbance, k); }
+
+ private:
+  template <class T>
+  static const T& at(const std::vector<T>& list, int k) {
+    return list[std::min(static_cast<std::size_t>(k), list.size() - 1)];
+  }
 };
 
 class ControlLaw {

@@ -2,15 +2,18 @@
 // control problem.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "atmos_model/allocation.h"
 #include "atmos_nmpc/config.h"
+#include "atmos_nmpc/control_law.h"
 #include "atmos_nmpc/multiple_shooting.h"
 
 namespace atmos {
 
 using DirectAllocation = MultipleShooting<RigidBodyStep<4>>;
+extern template class MultipleShooting<RigidBodyStep<4>>;  // compiled once
 
 // The vehicle must have four thruster pairs, as load_controller() has checked.
 DirectAllocation make_direct_allocation(const Vehicle& vehicle, const ControllerConfig& config);
@@ -20,5 +23,8 @@ DirectAllocation make_direct_allocation(const Vehicle& vehicle, const Controller
 // Propellers take u_j / force as it is.
 void duties_from_pairs(const Vehicle& vehicle, const std::vector<ThrusterPair>& pairs,
                        const Eigen::Vector4d& u, std::vector<double>& duty);
+
+std::unique_ptr<ControlLaw> make_direct_allocation_law(const Vehicle& vehicle, const ControllerConfig& config,
+                                                       Stopwatch stopwatch);
 
 }  // namespace atmos

@@ -66,6 +66,15 @@ class MultipleShooting : public NonlinearProgram {
     }
   }
 
+  // Soft half-spaces normal . u <= limit on the inputs of every stage, one per row, with the penalty of the
+  // soft bounds.
+  void set_input_polytope(const Eigen::Matrix<double, Eigen::Dynamic, kInputs>& normals,
+                          const Eigen::VectorXd& limits, const SoftBounds& penalty) {
+    facet_normals_ = normals;
+    facet_limits_ = limits;
+    facet_penalty_ = penalty;
+  }
+
   // R weighs u - `input`, clipped to the bounds: the inputs that hold the reference.
   void set_input_reference(const Input& input) {
     for (int k = 0; k < N_; ++k) set_input_reference(k, input);
@@ -134,7 +143,7 @@ class MultipleShooting : public NonlinearProgram {
       const Input u = input(z, k);
       active.inputs += static_cast<int>(((u - input_lower()).array() < near.array()).count() +
                                         ((input_upper() - u).array() < near.array()).count());
-      active.states += cost_.active_bounds(padded(state(z, k + 1)));
+      active.states += cost_.active_bounds(padded(state(z, k + 1)), k + 1);
     }
     return active;
   }
@@ -151,6 +160,7 @@ class MultipleShooting : public NonlinearProgram {
     double sum = 0.0;
     for (int k = 0; k < N_; ++k) {
       const Input u = input_of(z, k) - input_reference(k);
+      for (Eigen::Index i = 0; i < facet_limits_.size(); ++i) sum += facet(i, input_of(z, k)).value;
       sum += input_weight_.dot(u.cwiseProduct(u)) + cost_.value(padded(state_of(z, k)), k, false);
     }
     return scale_ * (sum + cost_.value(padded(state_of(z, N_)), N_, true));
@@ -160,6 +170,9 @@ class MultipleShooting : public NonlinearProgram {
     for (int k = 0; k < N_; ++k) {
       Eigen::Map<Input>(values + input_at(k)) =
           2.0 * scale_ * input_weight_.cwiseProduct(input_of(z, k) - input_reference(k));
+      for (Eigen::Index i = 0; i < facet_limits_.size(); ++i)
+        Eigen::Map<Input>(values + input_at(k)) +=
+            scale_ * facet(i, input_of(z, k)).slope * facet_normals_.row(i).transpose();
       State13<double> g = State13<double>::Zero();
       cost_.add_gradient(padded(state_of(z, k + 1)), k + 1, k + 1 == N_, scale_, g);
       Eigen::Map<State>(values + state_at(k + 1)) = g.template head<kStates>();
@@ -192,6 +205,10 @@ class MultipleShooting : public NonlinearProgram {
         dynamics(k).hessian(state_of(z, k), input_of(z, k), Eigen::Map<const State>(lambda + k * kStates), S);
         S.template bottomRightCorner<kInputs, kInputs>().diagonal() +=
             2.0 * objective_factor * scale_ * input_weight_;
+        for (Eigen::Index i = 0; i < facet_limits_.size(); ++i)
+          S.template bottomRightCorner<kInputs, kInputs>() +=
+              objective_factor * scale_ * facet(i, input_of(z, k)).curvature *
+              facet_normals_.row(i).transpose() * facet_normals_.row(i);
       } else {
         S.setZero();
       }
@@ -245,6 +262,10 @@ class MultipleShooting : public NonlinearProgram {
     return all;
   }
 
+  Penalty facet(Eigen::Index i, const Input& u) const {
+    return penalty(facet_penalty_, facet_normals_.row(i).dot(u) - facet_limits_[i]);
+  }
+
   static int input_at(int k) { return k * kBlock; }
   static int state_at(int k) { return (k - 1) * kBlock + kInputs; }
   State state_of(const double* z, int k) const {
@@ -286,6 +307,7 @@ class MultipleShooting : public NonlinearProgram {
     }
     if (k > 0) {
       for (int r = 0; r < kAttitude; ++r) visit(state_at(k) + r, state_at(k) + r, H(r, r));
+      visit(state_at(k) + 1, state_at(k), H(1, 0));  // walls and obstacles
       for (int r = 0; r < kCoupled; ++r) {
         for (int c = 0; c <= r; ++c)
           visit(state_at(k) + kAttitude + r, state_at(k) + kAttitude + c,
@@ -321,6 +343,9 @@ class MultipleShooting : public NonlinearProgram {
   int N_;
   Input input_weight_;
   std::vector<Input> input_reference_;  // one per stage
+  Eigen::Matrix<double, Eigen::Dynamic, kInputs> facet_normals_;
+  Eigen::VectorXd facet_limits_;
+  SoftBounds facet_penalty_{};
   double scale_;
   State initial_state_;
   Eigen::VectorXd lower_, upper_;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "atmos_nmpc/advanced_step.h"
 #include "atmos_nmpc/control_law.h"
@@ -16,6 +17,7 @@ namespace atmos {
 template <class Problem>
 class NmpcLaw : public ControlLaw {
  public:
+  using State = typename Problem::State;
   using Input = typename Problem::Input;
   using Actuate = std::function<void(const Input&, ActuatorInput&)>;
 
@@ -24,6 +26,7 @@ class NmpcLaw : public ControlLaw {
           Actuate actuate, Stopwatch stopwatch)
       : level_(level),
         weights_(config.weights),
+        places_(config.places),
         with_terminal_(config.attitude_error == AttitudeError::kVector),
         problem_(std::move(problem)),
         actuate_(std::move(actuate)),
@@ -34,7 +37,7 @@ class NmpcLaw : public ControlLaw {
 
   SolveResult solve(const ControlTask& task) override {
     advanced_step_.forget();
-    State13<double> x0 = task.x0;
+    State x0 = task.x0.template head<Problem::kStates>();
     if (warm_) {
       // q and -q are the same attitude: stay on the side of the previous solution, which is the starting
       // point.
@@ -53,7 +56,7 @@ class NmpcLaw : public ControlLaw {
     warm_ = is_success(result.status);
     if (warm_) {
       plan_ = iterate_.z;
-      plan_start_ = x0;
+      plan_start_ = task.x0;
     }
     return result;
   }
@@ -68,7 +71,7 @@ class NmpcLaw : public ControlLaw {
     if (!advanced_step_.ready() || task.period != prepared_.period || task.reference != prepared_.reference)
       return false;
     set_input_reference(task);
-    const Input change = advanced_step_.correction(task.x0, problem_);
+    const Input change = advanced_step_.correction(task.x0.template head<Problem::kStates>(), problem_);
     const Input limit = kLargestCorrection * (problem_.input_upper() - problem_.input_lower());
     if (!(change.array().abs() <= limit.array()).all()) return false;
     problem_.set_input(plan_, 0, advanced_step_.input() + change);
@@ -84,11 +87,17 @@ class NmpcLaw : public ControlLaw {
 
   int stages() const override { return problem_.stages(); }
   void input(int k, ActuatorInput& result) const override { actuate_(problem_.input(plan_, k), result); }
-  State13<double> state(int k) const override { return k == 0 ? plan_start_ : problem_.state(plan_, k); }
+  State13<double> state(int k) const override {
+    if (k == 0) return plan_start_;
+    State13<double> x = State13<double>::Zero();
+    x.template head<Problem::kStates>() = problem_.state(plan_, k);
+    return x;
+  }
   ActiveBounds active_bounds() const override { return problem_.active_bounds(plan_); }
   void holding_input(const Quaternion4<double>& q_WB, const Disturbance& disturbance,
                      ActuatorInput& result) override {
-    set_input_reference(q_WB, disturbance);
+    problem_.set_disturbance(disturbance);
+    problem_.set_input_reference(problem_.dynamics().moving_input(q_WB, {}));
     actuate_(problem_.input_reference(), result);
   }
 
@@ -97,16 +106,23 @@ class NmpcLaw : public ControlLaw {
   // Share of an input's range: a correction beyond it is none of first order any more.
   static constexpr double kLargestCorrection = 0.2;
 
-  void set_input_reference(const Quaternion4<double>& q_WB, const Disturbance& disturbance) {
-    problem_.set_disturbance(disturbance);
-    problem_.set_input_reference(problem_.dynamics().holding_input(q_WB));
-  }
+  // The disturbances, and the inputs that hold the reference against them.
   void set_input_reference(const ControlTask& task) {
-    set_input_reference(task.reference.template segment<4>(state13::kQuaternion), task.disturbance);
+    const auto input = [&](int k) {
+      const ReferencePoint& reference = task.reference_at(k);
+      return problem_.dynamics(k).moving_input(reference.x.template segment<4>(state13::kQuaternion),
+                                               reference.motion);
+    };
+    for (int k = 0; k < stages(); ++k) problem_.set_disturbance(k, task.disturbance_at(k));
+    if (task.reference.size() == 1 && task.disturbance.size() == 1) {
+      problem_.set_input_reference(input(0));
+    } else {
+      for (int k = 0; k < stages(); ++k) problem_.set_input_reference(k, input(k));
+    }
   }
 
-  void set_reference(const ControlTask& task, const State13<double>& x0) {
-    const Quaternion4<double> q = task.reference.template segment<4>(state13::kQuaternion);
+  void set_reference(const ControlTask& task, const State& x0) {
+    const Quaternion4<double> q = task.reference_at(stages()).x.template segment<4>(state13::kQuaternion);
     const double yaw = std::atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]));
     // The disturbance moves the equilibrium, not the linear motion about it.
     problem_.set_disturbance({});
@@ -115,11 +131,19 @@ class NmpcLaw : public ControlLaw {
       terminal_yaw_ = yaw;
     }
     set_input_reference(task);
-    problem_.cost().set_reference(task.reference, x0.template segment<4>(state13::kQuaternion), terminal_);
+    if (!task.robots.empty()) {
+      Places places = places_;
+      places.obstacles.insert(places.obstacles.end(), task.robots.begin(), task.robots.end());
+      problem_.cost().set_places(places);
+    }
+    references_.clear();
+    for (const ReferencePoint& point : task.reference) references_.push_back(point.x);
+    problem_.cost().set_reference(references_, x0.template segment<4>(state13::kQuaternion), terminal_);
   }
 
   CommandLevel level_;
   TrackingWeights weights_;
+  Places places_;  // the configured ones
   bool with_terminal_;
   Problem problem_;
   Actuate actuate_;
@@ -130,7 +154,8 @@ class NmpcLaw : public ControlLaw {
   TrackingCost::PlanarWeight terminal_ =
       TrackingCost::PlanarWeight::Zero();  // of a reference at terminal_yaw_
   std::optional<double> terminal_yaw_;
-  Iterate iterate_;  // the newest solution
+  std::vector<State13<double>> references_;  // scratch
+  Iterate iterate_;                          // the newest solution
   std::int64_t iterate_period_ = 0;
   bool warm_ = false;     // iterate_ is a solution to start from
   Eigen::VectorXd plan_;  // z of the last success

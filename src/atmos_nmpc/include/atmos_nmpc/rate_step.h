@@ -19,6 +19,7 @@ class RateStep {
   using Input = Eigen::Matrix<double, kInputs, 1>;
   using Jacobian = Eigen::Matrix<double, kStates, kFree>;
   using Hessian = Eigen::Matrix<double, kFree, kFree>;
+  using DisturbanceJacobian = Eigen::Matrix<double, kStates, 6>;
 
   // mass [kg], step [s].
   RateStep(double mass, double step_s)
@@ -52,8 +53,9 @@ class RateStep {
     for (int c = 0; c < kFree; ++c) J.col(c) = of_body.col(kColumns[c]).template head<kStates>();
   }
 
-  Eigen::Matrix<double, kStates, 6> disturbance_jacobian(const State& x, const Input& u) const {
-    Eigen::Matrix<double, kStates, 6> J =
+  // d x+ / d (d_v, d_w), of the disturbance.
+  DisturbanceJacobian disturbance_jacobian(const State& x, const Input& u) const {
+    DisturbanceJacobian J =
         body_.disturbance_jacobian(with_rate(x, u), u.head<2>()).template topRows<kStates>();
     J.rightCols<3>().setZero();
     return J;

@@ -42,6 +42,27 @@ struct SoftBounds {
   double width;              // unit of the bounded quantity
 };
 
+// Smooth hinge penalty of a violation d, with derivatives.
+struct Penalty {
+  double value, slope, curvature;
+};
+Penalty penalty(const SoftBounds& bounds, double d);
+
+// Where base_link must not be, in the world's plane.
+struct HalfPlane {
+  Eigen::Vector2d outward;  // unit normal
+  double limit_m;           // outward . p <= this
+};
+struct Disc {
+  Eigen::Vector2d center_m;                          // at the start of the horizon
+  double radius_m;                                   // |p - center| >= this
+  Eigen::Vector2d step_m = Eigen::Vector2d::Zero();  // how far it moves per stage
+};
+struct Places {
+  std::vector<HalfPlane> walls;  // of the area to keep in
+  std::vector<Disc> obstacles;
+};
+
 class TrackingCost {
  public:
   using State = State13<double>;
@@ -64,14 +85,19 @@ class TrackingCost {
   void set_reference(const std::vector<State>& references, const Quaternion4<double>& q_now,
                      const PlanarWeight& planar_terminal);
 
+  // Soft constraints on the position, with the penalty of the soft bounds.
+  void set_places(const Places& places) { places_ = places; }
+  const Places& places() const { return places_; }
+
   // Of the state at the start of stage k; the terminal weight is that of the last state.
   double value(const State& x, int k, bool terminal) const;
-  // Adds factor times the gradient, and the lower triangle of the Hessian.
+  // Adds factor times the gradient, and the lower triangle of the Hessian. An obstacle's own curvature, which
+  // bends the wrong way, is left out of the Hessian: the solver would have to regularise it away.
   void add_gradient(const State& x, int k, bool terminal, double factor, State& gradient) const;
   void add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const;
 
   // Number of soft bounds whose penalty acts at x: beyond, or within the hinge's width of, the limit.
-  int active_bounds(const State& x) const;
+  int active_bounds(const State& x, int k) const;
 
   const State& reference(int k = 0) const { return at(k).x; }
 
@@ -81,12 +107,24 @@ class TrackingCost {
     Eigen::Matrix4d attitude;  // second derivative of the attitude's part, kVector
   };
   const Stage& at(int k) const { return stages_[std::min(static_cast<std::size_t>(k), stages_.size() - 1)]; }
+  // Calls visit(violation [m], its gradient) for every wall and obstacle at stage k.
+  template <class Visit>
+  void for_each_place(const State& x, int k, const Visit& visit) const {
+    const Eigen::Vector2d p = x.head<2>();
+    for (const HalfPlane& wall : places_.walls) visit(wall.outward.dot(p) - wall.limit_m, wall.outward);
+    for (const Disc& disc : places_.obstacles) {
+      const Eigen::Vector2d from_center = p - disc.center_m - static_cast<double>(k) * disc.step_m;
+      const double distance = std::max(from_center.norm(), 1e-6);
+      visit(disc.radius_m - distance, Eigen::Vector2d(-from_center / distance));
+    }
+  }
   // Quadratic part's gradient, kPaper's apart.
   State slope(const State& x, int k, bool terminal) const;
 
   AttitudeError kind_;
   TrackingWeights weights_;
   SoftBounds bounds_;
+  Places places_;
   std::vector<Stage> stages_;  // never empty
   // Second derivatives of the quadratic part: of a stage without the attitude, and all of the terminal one.
   State diagonal_;
