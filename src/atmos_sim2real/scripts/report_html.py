@@ -167,7 +167,8 @@ def quantity(value, unit, std=None):
     if isinstance(value, str):
         return f"{html.escape(value)} {html.escape(unit)}"
     if isinstance(value, dict):
-        return ", ".join(f"{html.escape(k)} = {v['value']:.4g} {html.escape(v['unit'])}" for k, v in value.items())
+        return ", ".join(f"{html.escape(k)} = {quantity(v['value'], v['unit'], (std or {}).get(k))}"
+                         for k, v in value.items())
     if isinstance(value, list):
         if value and isinstance(value[0], list):
             return f"{len(value)} × {len(value[0])} values, {html.escape(unit)}"

@@ -27,22 +27,17 @@ json events_of(const std::vector<ImpulseEvent>& events) {
   return list;
 }
 
-json coefficients_of(const std::map<std::string, Unmodelled::Coefficient>& coefficients) {
-  json named = json::object();
-  for (const auto& [name, c] : coefficients) named[name] = {{"value", c.value}, {"unit", c.unit}};
-  return named;
-}
-
 // {value, std, unit} of each parameter. Only single numbers that were fitted have a standard deviation.
 struct ParameterReport {
   const Fit& fit;
   std::size_t effect;
   json& parameters;
 
-  json deviation(const std::string& name) const {
+  json deviation(const std::string& name, std::size_t element = 0) const {
     for (std::size_t p = 0; p < fit.free.size(); ++p) {
       const auto at = static_cast<Eigen::Index>(p);
-      if (fit.free[p].effect == effect && fit.free[p].name == name && at < fit.covariance.rows())
+      if (fit.free[p].effect == effect && fit.free[p].name == name && fit.free[p].element == element &&
+          at < fit.covariance.rows())
         return finite(std::sqrt(fit.covariance(at, at)));
     }
     return nullptr;
@@ -55,7 +50,13 @@ struct ParameterReport {
   }
   void operator()(const ParameterInfo& info,
                   const std::map<std::string, Unmodelled::Coefficient>& coefficients) const {
-    parameters[info.name] = {{"value", coefficients_of(coefficients)}, {"std", nullptr}, {"unit", info.unit}};
+    json values = json::object(), deviations = json::object();
+    std::size_t element = 0;
+    for (const auto& [name, c] : coefficients) {
+      values[name] = {{"value", c.value}, {"unit", c.unit}};
+      deviations[name] = deviation(info.name, element++);
+    }
+    parameters[info.name] = {{"value", values}, {"std", deviations}, {"unit", info.unit}};
   }
   template <class Other>
   void operator()(const ParameterInfo& info, const Other& value) const {

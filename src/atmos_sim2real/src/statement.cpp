@@ -172,8 +172,12 @@ struct Sentence {
     return "the clock of the poses runs " + short_number(1e6 * e.ratio) + " ppm fast";
   }
   std::string operator()(const Unmodelled& e) const {
+    std::string values;
+    for (const auto& [name, coefficient] : e.coefficients)
+      values += (values.empty() ? " with " : ", ") + name + " = " + short_number(coefficient.value) + " " +
+                coefficient.unit;
     return "a law outside the vocabulary: force (" + e.force_x_n + ", " + e.force_y_n + ") N, torque " +
-           e.torque_n_m + " N m";
+           e.torque_n_m + " N m" + values;
   }
 };
 
