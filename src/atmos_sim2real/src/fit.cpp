@@ -384,16 +384,20 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   return current;
 }
 
+NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& start,
+                         bool thorough) {
+  std::vector<ForceIntegrals> forces(problem.flights->size());
+  in_parallel(forces.size(),
+              [&](std::size_t f) { forces[f] = (*problem.flights)[f].integrate(problem.plant(effects, f)); });
+  return fit_noise(*problem.flights, forces, start, thorough);
+}
+
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
         const NoiseModel& noise, FitEffort effort) {
   const bool thorough = effort == FitEffort::kThorough;
   Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), thorough ? 4 : 2);
   for (int round = 0; round < (thorough ? 2 : 1); ++round) {
-    std::vector<ForceIntegrals> forces(problem.flights->size());
-    in_parallel(forces.size(), [&](std::size_t f) {
-      forces[f] = (*problem.flights)[f].integrate(problem.plant(best.effects, f));
-    });
-    const NoiseModel level = fit_noise(*problem.flights, forces, best.noise, round == 0);
+    const NoiseModel level = profile_noise(problem, best.effects, best.noise, round == 0);
     best = refine(problem, evaluate(problem, best.effects, best.free, level), 3);
   }
   return best;

@@ -66,6 +66,19 @@ double vehicle_time(const Plant& plant, double stamp) {
          (stamp - plant.start_s() - properties.mocap_latency_s) / (1.0 + properties.stamp_skew);
 }
 
+Box visited(const std::vector<Flight>& flights) {
+  Box box{1e9, -1e9, 1e9, -1e9};
+  for (const Flight& flight : flights) {
+    for (const PoseSample& pose : flight.recording().poses) {
+      box.x0 = std::min(box.x0, pose.x_m);
+      box.x1 = std::max(box.x1, pose.x_m);
+      box.y0 = std::min(box.y0, pose.y_m);
+      box.y1 = std::max(box.y1, pose.y_m);
+    }
+  }
+  return box;
+}
+
 bool Path::Key::operator==(const Key& other) const {
   return timing.command_delay_s == other.timing.command_delay_s &&
          timing.open_delay_s == other.timing.open_delay_s &&

@@ -69,7 +69,8 @@ Hypothesis thrust_law(const Vehicle& vehicle, const std::string& name, const std
 }
 
 // A pull towards a point that falls with the square of the distance, like a magnet's or an electrode's.
-Hypothesis attraction(double x0, double x1, double y0, double y1) {
+Hypothesis attraction(const Box& floor) {
+  const auto [x0, x1, y0, y1] = floor;
   Unmodelled effect;
   const std::string cubed = "((x - cx)^2 + (y - cy)^2 + 0.01)^1.5";
   effect.force_x_n = "k*(cx - x)/" + cubed;
@@ -96,16 +97,8 @@ Hypothesis attraction(double x0, double x1, double y0, double y1) {
 }  // namespace
 
 std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& flights) {
-  double duration = 1.0, x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
-  for (const Flight& flight : flights) {
-    duration = std::max(duration, flight.recording().duration_s());
-    for (const PoseSample& pose : flight.recording().poses) {
-      x0 = std::min(x0, pose.x_m);
-      x1 = std::max(x1, pose.x_m);
-      y0 = std::min(y0, pose.y_m);
-      y1 = std::max(y1, pose.y_m);
-    }
-  }
+  double duration = 1.0;
+  for (const Flight& flight : flights) duration = std::max(duration, flight.recording().duration_s());
   const double force = 0.05, torque = 5e-3;  // N, N m: what is plausible of a cause nobody thought of
   std::vector<Hypothesis> all = {
       law("a force that turns with the body", "a*cos(yaw) - b*sin(yaw)", "a*sin(yaw) + b*cos(yaw)", "0",
@@ -126,7 +119,7 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
            {"d", "N", force},
            {"e", "N/m", force},
            {"f", "N/m", force}}),
-      attraction(x0, x1, y0, y1),
+      attraction(visited(flights)),
       law("a steady torque", "0", "0", "a", {{"a", "N m", torque}}),
       law("a torque that grows with time", "0", "0", "a*t", {{"a", "N m/s", 2.0 * torque / duration}}),
       law("a torque that depends on the heading", "0", "0", "a*cos(yaw) + b*sin(yaw)",

@@ -25,23 +25,6 @@ Hypothesis simple(const E& effect, std::vector<FreeParameter> free) {
   return hypothesis;
 }
 
-struct Box {
-  double x0, x1, y0, y1;
-};
-
-Box visited(const std::vector<Flight>& flights) {
-  Box box{1e9, -1e9, 1e9, -1e9};
-  for (const Flight& flight : flights) {
-    for (const PoseSample& pose : flight.recording().poses) {
-      box.x0 = std::min(box.x0, pose.x_m);
-      box.x1 = std::max(box.x1, pose.x_m);
-      box.y0 = std::min(box.y0, pose.y_m);
-      box.y1 = std::max(box.y1, pose.y_m);
-    }
-  }
-  return box;
-}
-
 // A grid that covers the visited area and the bearings' reach around it.
 Grid grid_over(const Box& box, double margin, double spacing, std::size_t& nx, std::size_t& ny) {
   const auto nodes = [&](double length) {

@@ -111,12 +111,6 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
   return effects;
 }
 
-bool claimed(const Diagnosis& diagnosis, const Hypothesis& hypothesis) {
-  const auto& claims = diagnosis.search.claims;
-  return std::any_of(claims.begin(), claims.end(),
-                     [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
-}
-
 // What was tried and not claimed: in place of each claim, then beside the final model.
 json rivals_of(const Diagnosis& diagnosis, double start_s) {
   constexpr std::size_t kMost = 5;  // per place
@@ -126,8 +120,8 @@ json rivals_of(const Diagnosis& diagnosis, double start_s) {
     for (const Tried& rival : tried) {
       const std::string name =
           rival.hypothesis.kind + std::to_string(rival.hypothesis.thruster) + rival.hypothesis.law;
-      if (seen.size() == kMost || claimed(diagnosis, rival.hypothesis) || rival.fit.effects.empty() ||
-          std::find(seen.begin(), seen.end(), name) != seen.end())
+      if (seen.size() == kMost || is_claimed(diagnosis.search.claims, rival.hypothesis) ||
+          rival.fit.effects.empty() || std::find(seen.begin(), seen.end(), name) != seen.end())
         continue;
       seen.push_back(name);
       rivals.push_back({{"kind", rival.hypothesis.kind},

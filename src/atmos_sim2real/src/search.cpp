@@ -1,6 +1,5 @@
 #include "atmos_sim2real/search.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -11,6 +10,11 @@
 #include "atmos_sim2real/onset.h"
 
 namespace atmos {
+
+bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) {
+  return std::any_of(claims.begin(), claims.end(),
+                     [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
+}
 
 namespace {
 
@@ -33,28 +37,15 @@ void smooth_all(const Problem& problem, const std::vector<Effect>& effects, cons
   });
 }
 
-NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects,
-                         const NoiseModel& start) {
-  std::vector<ForceIntegrals> forces(problem.flights->size());
-  in_parallel(forces.size(),
-              [&](std::size_t f) { forces[f] = (*problem.flights)[f].integrate(problem.plant(effects, f)); });
-  return fit_noise(*problem.flights, forces, start, true);
-}
-
-}  // namespace
-
-namespace {
-
 // Fits the current model with one screened hypothesis.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate,
-              FitEffort effort = FitEffort::kThorough) {
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, effort);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
   if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
-    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise, effort);
+    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
   }
   const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
   return {hypothesis, std::move(fitted), gain};
@@ -225,6 +216,14 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
   return chosen;
 }
 
+std::vector<Hypothesis> unclaimed(const std::vector<Hypothesis>& all, const std::vector<Claim>& claims) {
+  std::vector<Hypothesis> open;
+  for (const Hypothesis& hypothesis : all) {
+    if (!is_claimed(claims, hypothesis)) open.push_back(hypothesis);
+  }
+  return open;
+}
+
 // Makes effect `from` part of effect `to`: its free parameters go over to it, or leave.
 void absorb(Fit& fit, std::vector<Claim>& claims, std::size_t from, std::size_t to, bool keep_parameters) {
   claims[to].gain += claims[from].gain;
@@ -304,13 +303,7 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
                 const SearchOptions& options) {
   constexpr double kClearlyBetter = 3.0;  // nats
   constexpr std::size_t kRivals = 3;
-  std::vector<Hypothesis> open;
-  for (const Hypothesis& hypothesis : library) {
-    const bool taken = std::any_of(claims.begin(), claims.end(), [&](const Claim& claim) {
-      return same_subject(claim.hypothesis, hypothesis);
-    });
-    if (!taken) open.push_back(hypothesis);
-  }
+  const std::vector<Hypothesis> open = unclaimed(library, claims);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     Claim& claim = claims[i];
     const Fit& rest = without_each[i];
@@ -342,28 +335,19 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   SearchResult result;
   NoiseModel noise = initial_noise(*problem.flights);
   smooth_all(problem, {}, noise, 20.0);
-  noise = profile_noise(problem, {}, noise);
+  noise = profile_noise(problem, {}, noise, true);
   double looseness = 5.0;
   smooth_all(problem, {}, noise, looseness);
-  noise = profile_noise(problem, {}, noise);
+  noise = profile_noise(problem, {}, noise, true);
   result.nominal = evaluate(problem, {}, {}, noise);
   Fit current = result.nominal;
   std::vector<Claim>& claims = result.claims;
 
-  const auto claimed = [&](const Hypothesis& hypothesis) {
-    return std::any_of(claims.begin(), claims.end(),
-                       [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
-  };
   for (;;) {
-    std::vector<Hypothesis> open;
-    for (const Hypothesis& hypothesis : library) {
-      if (!claimed(hypothesis)) open.push_back(hypothesis);
-    }
+    std::vector<Hypothesis> open = unclaimed(library, claims);
     for (const auto& found : {find_events(problem, current, options.accept_gain),
                               find_oscillations(problem, current, options.accept_gain)}) {
-      for (const Hypothesis& hypothesis : found) {
-        if (!claimed(hypothesis)) open.push_back(hypothesis);
-      }
+      for (const Hypothesis& hypothesis : unclaimed(found, claims)) open.push_back(hypothesis);
     }
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
                      std::to_string(claims.size()) + " effects");

@@ -80,6 +80,10 @@ Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Eff
 // hold.
 Fit refine(const Problem& problem, Fit start, int iterations);
 
+// The noise under which the flights are most likely, given these effects.
+NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& start,
+                         bool thorough);
+
 // The same with the noise level profiled in between: twice, or once where the start is nearly a fit already.
 enum class FitEffort { kThorough, kQuick };
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,

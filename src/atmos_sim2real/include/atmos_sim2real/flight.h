@@ -102,6 +102,12 @@ class Flight {
   std::shared_ptr<Derived> derived_ = std::make_shared<Derived>();
 };
 
+// The floor that flights visited [m].
+struct Box {
+  double x0, x1, y0, y1;
+};
+Box visited(const std::vector<Flight>& flights);
+
 // When the vehicle was as a frame stamped `stamp` shows it (docs/effects.md, clock_skew and mocap_latency).
 double vehicle_time(const Plant& plant, double stamp);
 

@@ -35,6 +35,8 @@ struct Claim {
   double onset_deviation_s = 0.0;  // of since_s, where the effect has one
 };
 
+bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis);
+
 struct SearchResult {
   Fit nominal;
   Fit final;
