@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "atmos_model/predictor.h"
@@ -70,6 +71,11 @@ class Flight {
     return {now(), state13_of(seen), true};
   }
 
+  // Who makes duties of decisions and the measured yaw rate; otherwise the controller's own allocation, which
+  // at rate level has no torque.
+  using FlightControllerStub = std::function<ThrusterCommand(const ControlDecision&, double yaw_rate)>;
+  void set_flight_controller(FlightControllerStub stub) { flight_controller_ = std::move(stub); }
+
   // One period with odometry, or with a missing frame.
   FlightRow period(bool seen = true) {
     const ControlDecision* decision =
@@ -80,7 +86,7 @@ class Flight {
   }
   // The rest of a period whose decision has been made.
   void carry_out(const ControlDecision& decision) {
-    valves_.add(decision.command);
+    valves_.add(flight_controller_ ? flight_controller_(decision, truth().yaw_rate) : decision.command);
     controller_.prepare();
     ++period_;
     advance(plant_, valves_, now() - plant_.properties().mocap_latency_s, state_);
@@ -93,6 +99,7 @@ class Flight {
   Plant plant_;
   ValveSchedule valves_;
   Controller& controller_;
+  FlightControllerStub flight_controller_;
   Noise noise_;
   std::mt19937 random_;
   std::normal_distribution<double> normal_;

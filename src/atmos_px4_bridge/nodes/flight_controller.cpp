@@ -169,7 +169,7 @@ int main(int argc, char** argv) {
     const ros::NodeHandle parameters("~");
     const auto vehicle = atmos::load_vehicle(atmos::required_parameter<std::string>(parameters, "vehicle"));
     const auto config =
-        atmos::load_flight_controller(atmos::required_parameter<std::string>(parameters, "config"));
+        atmos::load_flight_controller(atmos::required_parameter<std::string>(parameters, "config"), vehicle);
     const bool lockstep = atmos::required_parameter<bool>(parameters, "lockstep");
     const atmos::FlightControllerNode node(vehicle, config,
                                            lockstep ? atmos::Pacing::kLockstep : atmos::Pacing::kRealTime);

@@ -20,13 +20,21 @@ std::string text(const char* format, double a, double b = 0.0) {
   return buffer;
 }
 
+std::optional<ActuatorModel> model_of(const Vehicle& vehicle, const FlightControllerConfig& config) {
+  if (config.model.empty()) return std::nullopt;
+  return ActuatorModel(vehicle, config.model);
+}
+
 }  // namespace
 
 FlightController::FlightController(const Vehicle& vehicle, const FlightControllerConfig& config,
                                    Pacing pacing)
     : thruster_count_(vehicle.thrusters.size()),
       actuation_(vehicle.actuation),
-      allocator_(vehicle),
+      model_(model_of(vehicle, config)),
+      allocator_(model_ ? model_->vehicle() : vehicle),
+      orders_(static_cast<int>(vehicle.thrusters.size()), model_ ? model_->timing() : ValveTiming{},
+              vehicle.actuation),
       rate_(config.rate),
       pwm_(vehicle.pwm),
       pacing_(pacing) {}
@@ -71,6 +79,11 @@ ValveOrder FlightController::order(ThrusterCommand command, const std::string& r
   status_.stamp_s = command.stamp_s;
   status_.reason = reason;
   status_.flying = reason.empty();
+  if (model_) {
+    model_->observe(command.stamp_s, orders_);
+    orders_.add(command);
+    orders_.forget_before(command.stamp_s - 2.0 * pwm_.period_s);
+  }
   return {std::move(command), status_};
 }
 
@@ -84,6 +97,10 @@ void FlightController::notice_restart(double now_s) {
     newest_stamp_ = -std::numeric_limits<double>::infinity();
     odometry_stamp_ = measured_stamp_ = -std::numeric_limits<double>::infinity();
     rate_.reset();
+    if (model_) {
+      model_->forget();
+      orders_ = ValveSchedule(static_cast<int>(thruster_count_), model_->timing(), actuation_);
+    }
   }
   last_now_ = now_s;
 }
@@ -141,9 +158,13 @@ std::optional<ValveOrder> FlightController::take(const ThrusterCommand& command,
 std::optional<ValveOrder> FlightController::take_wrench(double stamp_s, const BodyWrench& wrench,
                                                         double now_s) {
   Allocation allocation = allocator_.allocate(wrench);
-  const ThrusterCommand command{stamp_s, pwm_.period_s, std::move(allocation.duty)};
+  ThrusterCommand command{stamp_s, pwm_.period_s, std::move(allocation.duty)};
   if (!wrench.allFinite()) return take(command, "malformed command: wrench is not finite", now_s);
   if (allocation.scale < 1.0 - kScaleResolution) ++status_.scaled;
+  if (model_ && fault_in(command, now_s).empty()) {
+    model_->observe(stamp_s, orders_);
+    model_->compensate(stamp_s, command.duty);
+  }
   return take_command(command, now_s);
 }
 

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
+#include "atmos_model/actuator_model.h"
+#include "atmos_model/allocator.h"
 #include "atmos_model/strict_yaml.h"
 
 namespace atmos {
@@ -14,10 +17,19 @@ constexpr double kTorqueResolution = 1e-6;         // N m
 
 }  // namespace
 
-FlightControllerConfig load_flight_controller(const std::string& path) {
+FlightControllerConfig load_flight_controller(const std::string& path, const Vehicle& vehicle) {
   const ConfigFile file(path);
-  const ConfigMap map = file.root().map("flight_controller").map("rate");
+  const ConfigMap root = file.root().map("flight_controller"), map = root.map("rate");
   FlightControllerConfig config{};
+  if (root.has("model")) {
+    const std::string model = root.text("model");
+    if (!root.faulty("model")) config.model = load_model(file.resolve(model), vehicle);
+    try {
+      Allocator{ActuatorModel(vehicle, config.model).vehicle()};
+    } catch (const std::invalid_argument& error) {
+      root.fault("model", error.what());
+    }
+  }
   config.rate.p_n_m_s = map.number("p_n_m_s", Bounds::positive());
   config.rate.i_n_m = map.number("i_n_m", Bounds::non_negative());
   config.rate.d_n_m_s2 = map.number("d_n_m_s2", Bounds::non_negative());

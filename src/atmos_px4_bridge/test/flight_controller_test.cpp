@@ -357,5 +357,52 @@ TEST_F(Lockstep, RateThatIsNotFiniteClosesTheValves) {
   EXPECT_EQ(core.status().malformed, 3U);
 }
 
+// Mean force and torque about the centre of mass over one period of the plant with `effects`.
+BodyWrench mean_wrench(const Plant& plant, const std::vector<double>& duty) {
+  constexpr int kSteps = 1000;
+  BodyWrench sum = BodyWrench::Zero();
+  VecX<double> openings(static_cast<Eigen::Index>(duty.size()));
+  for (int k = 0; k < kSteps; ++k) {
+    for (std::size_t i = 0; i < duty.size(); ++i)
+      openings[static_cast<Eigen::Index>(i)] = (k + 0.5) / kSteps < duty[i] ? 1.0 : 0.0;
+    const PlanarWrench<double> now = plant.wrench<double>(kStart, {}, plant.initial_hidden(), openings);
+    sum += BodyWrench(now.force_W[0], now.force_W[1], now.torque) / kSteps;
+  }
+  return sum;
+}
+
+TEST(Model, WrenchesAreRealWithAnyOneThrusterDeadAWeakOneAndACoupledSupply) {
+  for (int dead = 1; dead <= 8; ++dead) {
+    SupplyCoupling coupling;
+    coupling.fraction_per_open_thruster = 0.125;
+    ThrusterDead gone;
+    gone.thruster = dead;
+    ThrusterEfficiency weak;
+    weak.thruster = dead % 8 + 1;
+    weak.factor = 0.8;
+    FlightControllerConfig config = kGains;
+    config.model = {weak, gone, coupling};
+    FlightController core(test_vehicle(), config, Pacing::kLockstep);
+    FlightController nominal(test_vehicle(), kGains, Pacing::kLockstep);
+    const Plant plant(test_vehicle(), config.model, kStart);
+    double nominal_error = 0.0;
+    double stamp = kStart;
+    for (const BodyWrench& wrench :
+         {BodyWrench(0.4, -0.3, 0.02), BodyWrench(-0.5, 0.2, -0.03), BodyWrench(0.1, 0.6, 0.0),
+          BodyWrench(0.0, 0.0, 0.08), BodyWrench(0.0, 0.0, -0.08)}) {
+      const auto order = core.take_wrench(stamp, wrench, stamp);
+      ASSERT_TRUE(order);
+      // The plant is told of death by timing, not by force.
+      EXPECT_EQ(order->command.duty[static_cast<std::size_t>(dead - 1)], 0.0);
+      EXPECT_LT((mean_wrench(plant, order->command.duty) - wrench).norm(), 0.01) << dead;
+      std::vector<double> unaware = nominal.take_wrench(stamp, wrench, stamp)->command.duty;
+      unaware[static_cast<std::size_t>(dead - 1)] = 0.0;
+      nominal_error = std::max(nominal_error, (mean_wrench(plant, unaware) - wrench).norm());
+      stamp += kPeriod;
+    }
+    EXPECT_GT(nominal_error, 0.1);
+  }
+}
+
 }  // namespace
 }  // namespace atmos

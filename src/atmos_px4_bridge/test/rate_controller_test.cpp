@@ -15,6 +15,8 @@ namespace {
 constexpr double kStart = 1234.5, kPeriod = 0.1, kInertia = 0.297;
 const char* const kFile = ATMOS_CONFIG_DIR "/flight_controller/atmos.yaml";
 
+Vehicle vehicle() { return load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml"); }
+
 // Yaw under the loop's torque within `limit`, plus a constant disturbance [N m].
 struct Spin {
   RateController loop;
@@ -41,7 +43,7 @@ TEST(RateController, EveryTermHasItsMeaning) {
 }
 
 TEST(RateController, ShippedGainsReachTheRateAgainstADisturbance) {
-  Spin spin{RateController(load_flight_controller(kFile).rate)};
+  Spin spin{RateController(load_flight_controller(kFile, vehicle()).rate)};
   for (int k = 0; k < 100; ++k) spin.period(0.4, 0.05, 0.5);
   EXPECT_NEAR(spin.rate, 0.4, 1e-3);
   EXPECT_NEAR(spin.loop.integral(), -0.05, 1e-3);
@@ -82,7 +84,7 @@ TEST(FlightControllerFile, EveryBrokenRuleIsNamed) {
   const std::string path = ::testing::TempDir() + "flight_controller_under_test.yaml";
   std::ofstream(path) << "flight_controller: {rate: {p_n_m_s: 0, i_n_m: -1, d_n_m_s2: x, gain: 2}}";
   try {
-    load_flight_controller(path);
+    load_flight_controller(path, vehicle());
     ADD_FAILURE();
   } catch (const ConfigError& error) {
     for (const char* key :
@@ -90,6 +92,22 @@ TEST(FlightControllerFile, EveryBrokenRuleIsNamed) {
       EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << error.what();
   }
   std::remove(path.c_str());
+}
+
+TEST(FlightControllerFile, TakesAModelAndRefusesOneThatCannotBeFlown) {
+  const std::string path = ::testing::TempDir() + "flight_controller_with_model.yaml";
+  const auto load_with = [&path](const std::string& effects) {
+    std::ofstream(::testing::TempDir() + "model_under_test.yaml") << "effects: [" << effects << "]";
+    std::ofstream(path) << "flight_controller: {model: model_under_test.yaml, rate: {p_n_m_s: 1, i_n_m: 0, "
+                           "d_n_m_s2: 0, feed_forward_n_m_s: 0, integral_limit_n_m: 0}}";
+    return load_flight_controller(path, vehicle());
+  };
+  EXPECT_EQ(load_with("{kind: thruster_dead, parameters: {thruster: 3, since_s: 0}}").model.size(), 1U);
+  std::string all;
+  for (int i = 1; i <= 6; ++i)
+    all += "{kind: thruster_dead, parameters: {thruster: " + std::to_string(i) + ", since_s: 0}},";
+  EXPECT_THROW(load_with(all), ConfigError);
+  EXPECT_THROW(load_with("{kind: gremlins}"), ConfigError);
 }
 
 }  // namespace

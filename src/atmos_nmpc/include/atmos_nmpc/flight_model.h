@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "atmos_model/actuator_model.h"
 #include "atmos_model/plant.h"
 #include "atmos_model/predictor.h"
 #include "atmos_model/rigid_body.h"
@@ -20,9 +21,8 @@ class FlightModel {
  public:
   FlightModel(const Vehicle& nominal, const std::vector<Effect>& effects);
 
-  // The vehicle to plan with: mass, inertia, thrusters about the centre of mass, each with the force it has
-  // while a second one is open; dead ones have none.
-  const Vehicle& vehicle() const { return vehicle_; }
+  // The vehicle to plan with (ActuatorModel).
+  const Vehicle& vehicle() const { return actuators_.vehicle(); }
   // When what is commanded really moves valves.
   const ValveTiming& timing() const { return plant_.properties().timing; }
   // From the stamp of a command until its force acts.
@@ -42,25 +42,25 @@ class FlightModel {
   // The newest motion carried on to `until_s`.
   State13<double> predict(double until_s, const ValveSchedule& valves) const;
   // The next observe() starts anew.
-  void forget() { state_.reset(); }
+  void forget() {
+    state_.reset();
+    actuators_.forget();
+  }
 
   // Accelerations by everything but thrusters at the place `at_C`: floor, draught, tether, leaks, and the
   // friction and drag of the motion that is wanted there. Those of the measured motion are left to the
   // feedback: a plan that pays for them in advance would push along with every error of the velocity.
   Disturbance disturbance(double time_s, const State13<double>& at_C, const State13<double>& wanted_C) const;
 
-  // Duties under which each thruster's mean force over a period is `share` of its force in vehicle(), with
-  // what the supply takes from thrusters that are open at once. In place; allocates once.
-  void compensate(double time_s, std::vector<double>& share) const;
+  // ActuatorModel's.
+  void compensate(double time_s, std::vector<double>& share) const { actuators_.compensate(time_s, share); }
 
  private:
   Plant plant_;     // everything
   Plant external_;  // what pushes with closed valves
-  Plant supply_;    // constants and supply, thrust without rise
-  Vehicle vehicle_;
+  ActuatorModel actuators_;
   double delay_s_;
   std::optional<PlantState> state_;
-  PlantState supply_state_;
 };
 
 }  // namespace atmos

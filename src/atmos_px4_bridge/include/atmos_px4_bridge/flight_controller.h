@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "atmos_model/actuator_model.h"
 #include "atmos_model/allocator.h"
 #include "atmos_model/valve_schedule.h"
 #include "atmos_model/vehicle.h"
@@ -61,7 +62,9 @@ class FlightController {
   std::optional<ValveOrder> take_command(const ThrusterCommand& command, double now_s);
 
   // The same with a planar body wrench [N, N m] for the period that starts at stamp_s: the allocator turns it
-  // into duties. A wrench beyond what the thrusters can do is scaled along its direction and counted.
+  // into duties. A wrench beyond what the thrusters can do is scaled along its direction and counted. With a
+  // model the thrusters are those of the model (dead, weak, coupled), and the wrench is about its centre of
+  // mass.
   std::optional<ValveOrder> take_wrench(double stamp_s, const BodyWrench& wrench, double now_s);
 
   // The same with a planar body force [N] and a yaw rate [rad/s]: the rate loop turns the rate into a torque.
@@ -94,7 +97,9 @@ class FlightController {
 
   std::size_t thruster_count_;
   Actuation actuation_;
-  Allocator allocator_;
+  std::optional<ActuatorModel> model_;
+  Allocator allocator_;   // of the vehicle as the model has it
+  ValveSchedule orders_;  // what the model's supply has had to give
   RateController rate_;
   Pwm pwm_;
   Pacing pacing_;

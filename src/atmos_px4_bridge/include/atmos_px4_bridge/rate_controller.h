@@ -3,6 +3,10 @@
 
 #include <optional>
 #include <string>
+#include <vector>
+
+#include "atmos_model/effects.h"
+#include "atmos_model/vehicle.h"
 
 namespace atmos {
 
@@ -17,10 +21,12 @@ struct RateGains {
 // What a flight controller file sets (config/flight_controller/*.yaml).
 struct FlightControllerConfig {
   RateGains rate;
+  std::vector<Effect> model{};  // what a model.yaml adds to the vehicle; empty: the nominal one
 };
 
-// Throws ConfigError with every fault.
-FlightControllerConfig load_flight_controller(const std::string& path);
+// Reads a flight controller file for a vehicle, and the model file it names. Throws ConfigError with every
+// fault.
+FlightControllerConfig load_flight_controller(const std::string& path, const Vehicle& vehicle);
 
 // torque = P e + I - D w' + FF w_sp (PX4, RateControl). The integral fades with large errors and stands still
 // in the direction in which the thrusters are saturated. Times are ROS seconds.

@@ -1,0 +1,81 @@
+// Controller and flight controller together, at the levels at which the latter allocates: what is declared in
+// a model.yaml is known to both.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "atmos_nmpc/config.h"
+#include "atmos_px4_bridge/flight_controller.h"
+#include "closed_loop.h"
+
+namespace atmos {
+namespace {
+
+constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
+const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
+
+double stopped_clock() { return 0.0; }
+
+class Levels : public ::testing::TestWithParam<std::string> {
+ protected:
+  static Vehicle vehicle() { return load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml"); }
+  static ControllerConfig controller(const std::vector<Effect>& declared) {
+    ControllerConfig config =
+        load_controller(ATMOS_CONFIG_DIR "/controller/" + GetParam() + ".yaml", vehicle());
+    config.model = declared;
+    return config;
+  }
+  static FlightControllerConfig flight_controller(const std::vector<Effect>& declared) {
+    FlightControllerConfig config =
+        load_flight_controller(ATMOS_CONFIG_DIR "/flight_controller/atmos.yaml", vehicle());
+    config.model = declared;
+    return config;
+  }
+};
+
+// As the node does it; closed valves are a thruster command at every level.
+ThrusterCommand carried_out(FlightController& core, CommandLevel level, const ControlDecision& decision,
+                            double yaw_rate) {
+  const double stamp = decision.command.stamp_s;
+  core.take_odometry(stamp, yaw_rate, stamp);
+  const bool closed = decision.mode == ControlMode::kClosed || decision.mode == ControlMode::kWaiting;
+  const auto order = closed || level == CommandLevel::kThrusters ? core.take_command(decision.command, stamp)
+                     : level == CommandLevel::kWrench
+                         ? core.take_wrench(stamp, decision.wrench, stamp)
+                         : core.take_rate(stamp, decision.wrench.head<2>(), decision.yaw_rate, stamp);
+  return order->command;
+}
+
+TEST_P(Levels, EverySetPointIsReachedWithAnyOneThrusterDeadAndDeclaredUnderCoupling) {
+  for (int number = 1; number <= 8; ++number) {
+    SCOPED_TRACE("dead: " + std::to_string(number));
+    ThrusterDead dead;
+    dead.thruster = number;
+    SupplyCoupling coupling;
+    coupling.fraction_per_open_thruster = 0.125;
+    const std::vector<Effect> effects = {dead, coupling};
+    Controller control(vehicle(), controller(effects), true, stopped_clock);
+    FlightController core(vehicle(), flight_controller(effects), Pacing::kLockstep);
+    testing::Flight flight(vehicle(), control, kStart, {}, kNoise, 5, effects);
+    flight.set_flight_controller([&](const ControlDecision& decision, double yaw_rate) {
+      return carried_out(core, control.level(), decision, yaw_rate);
+    });
+    const Eigen::Vector3d goals[] = {{1, 0, 45 * kDegree}, {0, 1, 0}};
+    for (const Eigen::Vector3d& goal : goals) {
+      control.add_goal(testing::planar_goal(flight.now(), goal[0], goal[1], goal[2]));
+      for (int k = 0; k < 200; ++k) {
+        const testing::FlightRow row = flight.period();
+        ASSERT_EQ(row.decision.mode, ControlMode::kSolved) << name_of(row.decision.solve.status);
+      }
+      EXPECT_LT((flight.truth().p_WC - goal.head<2>()).norm(), 0.02);
+      EXPECT_NEAR(flight.truth().yaw, goal[2], 2.0 * kDegree);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Formulations, Levels, ::testing::Values("wrench", "rate", "offset_free_wrench"));
+
+}  // namespace
+}  // namespace atmos
