@@ -40,7 +40,15 @@ Eigen::Quaterniond exp_map(const Vector3d& v) {
 
 bool usable(const PoseFrame& frame) {
   return frame.p_WB.allFinite() && frame.q_WB.coeffs().allFinite() &&
-         std::abs(frame.q_WB.norm() - 1.0) < kUnitTolerance;
+         std::abs(frame.q_WB.norm() - 1.0) < kUnitTolerance &&
+         (!frame.covariance || frame.covariance->allFinite());
+}
+
+Matrix6 noise_of(const PoseFrame& frame, const MocapConfig& config) {
+  if (frame.covariance) return *frame.covariance;
+  Vector6 sigma;
+  sigma << Vector3d::Constant(config.position_noise_m), Vector3d::Constant(config.attitude_noise_rad);
+  return sigma.cwiseAbs2().asDiagonal();
 }
 
 }  // namespace
@@ -71,7 +79,8 @@ PoseFilter::PoseFilter(const MocapConfig& config, const Vehicle& vehicle)
       vehicle_(vehicle),
       matrices_(thruster_matrices(vehicle)),
       valves_(static_cast<int>(vehicle.thrusters.size()), {}, vehicle.actuation),
-      openings_(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(vehicle.thrusters.size()))) {}
+      openings_(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(vehicle.thrusters.size()))),
+      nis_monitor_(6, config.nis_gate) {}
 
 void PoseFilter::take_command(const ThrusterCommand& command, double now_s) {
   const ValveSchedule::Taken taken = valves_.add(command, now_s);
@@ -82,7 +91,29 @@ void PoseFilter::take_command(const ThrusterCommand& command, double now_s) {
   valves_.forget_before(command.stamp_s - config_.forget_s - kMostDelay_s);
 }
 
-FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
+FrameResult PoseFilter::take_frame(const PoseFrame& measured) {
+  const PoseFrame frame = calibrated(measured);
+  const FrameResult result = filter(frame);
+  const bool in_order = estimate_.stamp_s == frame.stamp_s;
+  if (in_order) {
+    output_ = estimate_;
+    predict(output_, measured.stamp_s);
+  }
+  return result;
+}
+
+PoseFrame PoseFilter::calibrated(const PoseFrame& frame) const {
+  const MocapCalibration& calibration = config_.calibration;
+  PoseFrame result = frame;
+  result.stamp_s -= calibration.delay_s;
+  if (!usable(frame)) return result;
+  result.q_WB = frame.q_WB * Eigen::AngleAxisd(-calibration.yaw_misalignment_rad, Vector3d::UnitZ());
+  const Vector3d offset_B(calibration.marker_offset_m.x(), calibration.marker_offset_m.y(), 0.0);
+  result.p_WB -= result.q_WB.normalized() * offset_B;
+  return result;
+}
+
+FrameResult PoseFilter::filter(const PoseFrame& frame) {
   ++counters_.frames;
   const double age = state_ == TrackingState::kWaiting ? 0.0 : frame.stamp_s - accepted_stamp_;
   if (!std::isfinite(frame.stamp_s) || frame.stamp_s <= last_stamp_) {
@@ -113,7 +144,8 @@ FrameResult PoseFilter::take_frame(const PoseFrame& frame) {
     return {state_, false, age};
   }
 
-  predict(frame.stamp_s);
+  predict(estimate_, frame.stamp_s);
+  valves_.forget_before(frame.stamp_s);
   if (!seen) return coast(age);
   if (update(frame)) {
     ++counters_.accepted;
@@ -143,18 +175,18 @@ void PoseFilter::start(const PoseFrame& frame) {
   estimate_.stamp_s = frame.stamp_s;
   estimate_.p_WB = frame.p_WB;
   estimate_.q_WB = frame.q_WB.normalized();
-  Eigen::Matrix<double, 12, 1> sigma;
-  sigma << Vector3d::Constant(config_.position_noise_m), Vector3d::Constant(config_.attitude_noise_rad),
-      Vector3d::Constant(config_.initial_velocity_m_s),
+  estimate_.covariance.topLeftCorner<6, 6>() = noise_of(frame, config_);
+  Vector6 sigma;
+  sigma << Vector3d::Constant(config_.initial_velocity_m_s),
       Vector3d::Constant(config_.initial_angular_velocity_rad_s);
-  estimate_.covariance.diagonal() = sigma.cwiseAbs2();
+  estimate_.covariance.diagonal().tail<6>() = sigma.cwiseAbs2();
   state_ = TrackingState::kTracking;
   last_stamp_ = accepted_stamp_ = frame.stamp_s;
   order_refusals_ = gate_refusals_ = 0;
 }
 
-void PoseFilter::predict(double until_s) {
-  double t = estimate_.stamp_s;
+void PoseFilter::predict(PoseEstimate& estimate, double until_s) {
+  double t = estimate.stamp_s;
   while (t < until_s) {
     const bool known = t >= known_from_ && t < known_until_;
     double end = std::min({until_s, t + kMaxStep_s, valves_.next_edge(t)});
@@ -165,16 +197,15 @@ void PoseFilter::predict(double until_s) {
     } else {
       openings_.setZero();
     }
-    integrate(end - t, known);
+    integrate(estimate, end - t, known);
     t = end;
   }
-  estimate_.stamp_s = until_s;
-  valves_.forget_before(until_s);
+  estimate.stamp_s = until_s;
 }
 
-void PoseFilter::integrate(double dt, bool known) {
+void PoseFilter::integrate(PoseEstimate& estimate, double dt, bool known) const {
   // Force and torque of the open valves, and the noise that their thrust error brings per unit of time.
-  const Matrix3d R_WB = estimate_.q_WB.toRotationMatrix();
+  const Matrix3d R_WB = estimate.q_WB.toRotationMatrix();
   const AccelerationNoise& noise = known ? config_.known_input : config_.unknown_input;
   const double tau = config_.correlation_s;
   Vector6 density_diagonal;
@@ -195,7 +226,7 @@ void PoseFilter::integrate(double dt, bool known) {
   }
 
   // Error dynamics, linearised at the start of the stretch; the matrix exponential to third order.
-  const Vector3d& w = estimate_.w_WB_B;
+  const Vector3d& w = estimate.w_WB_B;
   const Matrix3d inertia = vehicle_.inertia_kg_m2.asDiagonal();
   const Matrix3d inverse_inertia = vehicle_.inertia_kg_m2.cwiseInverse().asDiagonal();
   Matrix12 A = Matrix12::Zero();
@@ -215,30 +246,28 @@ void PoseFilter::integrate(double dt, bool known) {
   Q << density * (dt * dt * dt / 3.0), density * (dt * dt / 2.0), density * (dt * dt / 2.0), density * dt;
 
   State13<double> x;
-  x << estimate_.p_WB, estimate_.v_WB, estimate_.q_WB.w(), estimate_.q_WB.vec(), estimate_.w_WB_B;
+  x << estimate.p_WB, estimate.v_WB, estimate.q_WB.w(), estimate.q_WB.vec(), estimate.w_WB_B;
   x = rk4_step(x, dt, [&](const State13<double>& at) {
     return rigid_body_rate<double>(at, force_B, torque_B, vehicle_.mass_kg, vehicle_.inertia_kg_m2);
   });
-  estimate_.p_WB = x.segment<3>(state13::kPosition);
-  estimate_.v_WB = x.segment<3>(state13::kVelocity);
-  estimate_.q_WB = Eigen::Quaterniond(x[state13::kQuaternion], x[state13::kQuaternion + 1],
-                                      x[state13::kQuaternion + 2], x[state13::kQuaternion + 3])
-                       .normalized();
-  estimate_.w_WB_B = x.segment<3>(state13::kAngularVelocity);
-  estimate_.covariance = (Phi * estimate_.covariance * Phi.transpose() + Q).eval();
+  estimate.p_WB = x.segment<3>(state13::kPosition);
+  estimate.v_WB = x.segment<3>(state13::kVelocity);
+  estimate.q_WB = Eigen::Quaterniond(x[state13::kQuaternion], x[state13::kQuaternion + 1],
+                                     x[state13::kQuaternion + 2], x[state13::kQuaternion + 3])
+                      .normalized();
+  estimate.w_WB_B = x.segment<3>(state13::kAngularVelocity);
+  estimate.covariance = (Phi * estimate.covariance * Phi.transpose() + Q).eval();
 }
 
 bool PoseFilter::update(const PoseFrame& frame) {
   // Measurement matrix [I6 0]: the pose error itself.
   Vector6 innovation;
   innovation << frame.p_WB - estimate_.p_WB, log_map(estimate_.q_WB.conjugate() * frame.q_WB.normalized());
-  Vector6 variance;
-  variance << Vector3d::Constant(config_.position_noise_m * config_.position_noise_m),
-      Vector3d::Constant(config_.attitude_noise_rad * config_.attitude_noise_rad);
-  const Matrix6 noise = variance.asDiagonal();
+  const Matrix6 noise = noise_of(frame, config_);
   const Matrix6 S = estimate_.covariance.topLeftCorner<6, 6>() + noise;
   const Eigen::LLT<Matrix6> factor(S);
   nis_ = innovation.dot(factor.solve(innovation));
+  nis_monitor_.add(nis_);
   if (!(nis_ <= config_.nis_gate)) return false;
 
   const Eigen::Matrix<double, 12, 6> K = factor.solve(estimate_.covariance.topRows<6>()).transpose();

@@ -47,6 +47,11 @@ TEST(MocapConfig, EveryShippedFileLoads) {
 TEST(MocapConfig, ReadsEachKeyIntoItsPlace) {
   const MocapConfig config = load_mocap_config(kFolder + "/topic.yaml");
   EXPECT_EQ(config.robot, "");
+  EXPECT_EQ(std::get<TopicSourceConfig>(config.source).topic, "mocap/pose");
+  EXPECT_FALSE(std::get<TopicSourceConfig>(config.source).transform);
+  EXPECT_EQ(config.calibration.delay_s, 0.0);
+  EXPECT_TRUE(config.calibration.marker_offset_m.isZero());
+  EXPECT_EQ(config.calibration.yaw_misalignment_rad, 0.0);
   EXPECT_EQ(config.position_noise_m, 0.0003);
   EXPECT_EQ(config.attitude_noise_rad, 0.0009);
   EXPECT_EQ(config.correlation_s, 0.1);
@@ -74,9 +79,28 @@ TEST(MocapConfig, MutatedCopiesAreRefused) {
       {"coast_s: 0.05", ""},
       {"coast_s: 0.05", "coast_s: 0.4"},
       {"forget_s: 0.3", ""},
+      {"kind: topic", "kind: vicon"},
+      {"message: pose", "message: odometry"},
+      {"measurement:", "calibration: {mocap_latency: {delay_s: -0.1}}\nmeasurement:"},
+      {"measurement:", "calibration: {marker_offset: {x_m: 0.1}}\nmeasurement:"},
+      {"measurement:", "calibration: {thrust_scale: {factor: 1.1}}\nmeasurement:"},
   };
   for (const auto& [from, to] : mutations) EXPECT_EQ(faults_of(replaced(from, to)).size(), 1u) << to;
   EXPECT_TRUE(faults_of(replaced("coast_s: 0.05", "coast_s: 0.3")).empty());
+}
+
+TEST(MocapConfig, CalibrationBearsTheNamesOfTheDiagnosis) {
+  const std::string path = ::testing::TempDir() + "mocap_calibration_test.yaml";
+  std::ofstream(path) << replaced("measurement:",
+                                  "calibration:\n"
+                                  "  mocap_latency: {delay_s: 0.008}\n"
+                                  "  marker_offset: {x_m: 0.002, y_m: -0.001}\n"
+                                  "  yaw_misalignment: {angle_rad: 0.004}\n"
+                                  "measurement:");
+  const MocapCalibration calibration = load_mocap_config(path).calibration;
+  EXPECT_EQ(calibration.delay_s, 0.008);
+  EXPECT_EQ(calibration.marker_offset_m, Eigen::Vector2d(0.002, -0.001));
+  EXPECT_EQ(calibration.yaw_misalignment_rad, 0.004);
 }
 
 }  // namespace

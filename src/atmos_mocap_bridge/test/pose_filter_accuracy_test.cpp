@@ -36,6 +36,9 @@ Rms fly(FlightOptions options, bool with_commands, int flights) {
     }
     EXPECT_EQ(filter.counters().rejected_gate, 0u);
     EXPECT_EQ(filter.counters().reinitialisations, 0u);
+    if (options.noise_m > 0.0) {
+      EXPECT_EQ(filter.nis_monitor().verdict(), NisMonitor::Verdict::kConsistent);
+    }
   }
   rms.velocity = std::sqrt(rms.velocity / rms.samples);
   rms.yaw_rate = std::sqrt(rms.yaw_rate / rms.samples);
@@ -78,6 +81,23 @@ TEST(PoseFilterAccuracy, ExactCommandsLeaveNoTransient) {
   const Rms rms = fly(options, true, 1);
   EXPECT_LE(rms.velocity, 2e-5);
   EXPECT_LE(rms.yaw_rate, 2e-4);
+}
+
+TEST(PoseFilterAccuracy, AWrongVarianceIsFoundWhileThrustersFire) {
+  for (const double factor : {0.4, 2.5}) {
+    FlightOptions options;
+    options.noise_m *= factor;
+    options.noise_rad *= factor;
+    SensorSimulator simulator(nominal_vehicle(), options);
+    PoseFilter filter(nominal_config(), nominal_vehicle());
+    for (const Sample& sample : simulator.samples) {
+      simulator.feed_commands(filter, sample.frame.stamp_s);
+      filter.take_frame(sample.frame);
+    }
+    EXPECT_EQ(filter.nis_monitor().verdict(),
+              factor > 1.0 ? NisMonitor::Verdict::kUnderstated : NisMonitor::Verdict::kOverstated)
+        << factor << ", ratio " << filter.nis_monitor().ratio();
+  }
 }
 
 // Truth drawn from the filter's own model: white accelerations, and white errors of the thrust of each open

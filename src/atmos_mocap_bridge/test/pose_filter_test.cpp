@@ -249,6 +249,7 @@ TEST_F(SteadyMotion, WrongNoiseSettingShowsInTheNisAndNotInAHang) {
   }
   EXPECT_GT(strict.counters().rejected_gate, 50u)
       << "a thousandfold wrong deviation is visible in the counters";
+  EXPECT_EQ(strict.nis_monitor().verdict(), NisMonitor::Verdict::kUnderstated);
   EXPECT_EQ(published, 200);
   EXPECT_LT((strict.estimate().p_WB - position(199)).norm(), 0.05);
 }

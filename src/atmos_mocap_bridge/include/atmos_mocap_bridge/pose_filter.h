@@ -5,8 +5,10 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "atmos_mocap_bridge/config.h"
+#include "atmos_mocap_bridge/nis_monitor.h"
 #include "atmos_model/allocation.h"
 #include "atmos_model/rigid_body.h"
 #include "atmos_model/valve_schedule.h"
@@ -23,6 +25,8 @@ struct PoseFrame {
   double stamp_s;
   Eigen::Vector3d p_WB;  // m
   Eigen::Quaterniond q_WB;
+  // Of position (world) and attitude error (body), where the source knows it; else that of the settings.
+  std::optional<Matrix6> covariance = std::nullopt;
 };
 
 // Order of the error state: position error (m, world), attitude error (rad, body: R_WB = R_estimated
@@ -57,7 +61,7 @@ enum class TrackingState { kWaiting, kTracking, kCoasting, kLost };
 // What became of one frame.
 struct FrameResult {
   TrackingState state;
-  bool published;  // estimate() is that of the frame's stamp
+  bool published;  // estimate() is to be published
   double age_s;    // the frame's stamp minus that of the last accepted frame; 0 before any
 };
 
@@ -90,21 +94,26 @@ class PoseFilter {
   void take_command(const ThrusterCommand& command, double now_s = -std::numeric_limits<double>::infinity());
   FrameResult take_frame(const PoseFrame& frame);
 
-  const PoseEstimate& estimate() const { return estimate_; }
+  // At the stamp of the last frame in order.
+  const PoseEstimate& estimate() const { return output_; }
   const FrameCounters& counters() const { return counters_; }
   TrackingState state() const { return state_; }
   // Of the last update that reached the gate; 6 degrees of freedom.
   double nis() const { return nis_; }
+  const NisMonitor& nis_monitor() const { return nis_monitor_; }
 
  private:
+  // The frame without what the calibration says is wrong with it.
+  PoseFrame calibrated(const PoseFrame& frame) const;
+  FrameResult filter(const PoseFrame& frame);
   void start(const PoseFrame& frame);
   // Update with a frame of the estimate's stamp; false: the gate refused it.
   bool update(const PoseFrame& frame);
   // What a frame without an acceptable pose leads to, `age_s` after the last accepted one.
   FrameResult coast(double age_s);
-  void predict(double until_s);
-  // One stretch of constant openings; `known`: whether they are.
-  void integrate(double dt, bool known);
+  void predict(PoseEstimate& estimate, double until_s);
+  // One stretch of the constant openings_; `known`: whether they are.
+  void integrate(PoseEstimate& estimate, double dt, bool known) const;
 
   MocapConfig config_;
   Vehicle vehicle_;
@@ -113,7 +122,9 @@ class PoseFilter {
   double known_from_ = std::numeric_limits<double>::infinity();  // stretch for which commands are known
   double known_until_ = -std::numeric_limits<double>::infinity();
   Eigen::VectorXd openings_;
-  PoseEstimate estimate_;
+  PoseEstimate estimate_;  // at the exposure of the last frame
+  PoseEstimate output_;
+  NisMonitor nis_monitor_;
   TrackingState state_ = TrackingState::kWaiting;
   FrameCounters counters_;
   double last_stamp_ = -std::numeric_limits<double>::infinity();  // of the last frame in order
