@@ -60,13 +60,14 @@ TEST(ParserFuzz, SurvivesAndResynchronisesWithinOneFrame) {
   Random random(1234);
   Parser parser;
   const std::vector<u8> flush(kMaxFrame, 0);
-  int lost = 0;
+  int lost = 0, unexplained = 0;
   for (int i = 0; i < inputs; ++i) {
     std::vector<u8> bytes = damaged_input(random);
     const auto good = random_frame(random, 200);
     bytes.insert(bytes.end(), good.begin(), good.end());
     bytes.insert(bytes.end(), flush.begin(), flush.end());
     bool found = false;
+    int others = 0;
     for (std::size_t at = 0; at < bytes.size();) {
       const std::size_t size = std::min<std::size_t>(1 + random() % 100, bytes.size() - at);
       parser.push(bytes.data() + at, size);
@@ -74,15 +75,23 @@ TEST(ParserFuzz, SurvivesAndResynchronisesWithinOneFrame) {
       while (const auto frame = parser.next()) {
         ASSERT_NE(frame->info, nullptr);
         for_each_message([&](auto row) { decode<decltype(row)>(*frame); });
-        if (frame->sequence == 200) found = true;
+        if (frame->sequence == 200) {
+          found = true;
+        } else {
+          ++others;
+        }
       }
     }
     if (!found) ++lost;
+    if (!found && others == 0) ++unexplained;
   }
-  EXPECT_EQ(lost, 0) << "intact frames not found, of " << inputs;
-  std::printf("%d inputs, %lu bad checksums, %lu bytes skipped\n", inputs,
-              static_cast<unsigned long>(parser.counters().bad_crc),
-              static_cast<unsigned long>(parser.counters().skipped_bytes));
+  // A checksum of 16 bits passes one damaged frame in 65536, and what it covers is then gone with it.
+  EXPECT_EQ(unexplained, 0) << "intact frames not found, of " << inputs;
+  EXPECT_LE(lost, 3.0 * static_cast<double>(parser.counters().bad_crc) / 65536.0);
+  std::printf(
+      "%d inputs, %d behind a false frame with a right checksum, %lu bad checksums, %lu bytes skipped\n",
+      inputs, lost, static_cast<unsigned long>(parser.counters().bad_crc),
+      static_cast<unsigned long>(parser.counters().skipped_bytes));
 }
 
 }  // namespace
