@@ -176,7 +176,7 @@ std::optional<ValveOrder> FlightController::take_rate(double stamp_s, const Eige
   }
   std::optional<double> measured;
   if (stamp_s - measured_stamp_ <= kRateAge * pwm_.period_s) measured = measured_yaw_rate_;
-  const BodyWrench wrench(force.x(), force.y(), rate_.torque(stamp_s, yaw_rate, measured));
+  const BodyWrench wrench(force.x(), force.y(), rate_.output(stamp_s, yaw_rate, measured));
   rate_.achieved(std::min(1.0, allocator_.attainable_scale(wrench)) * wrench[2]);
   return take_wrench(stamp_s, wrench, now_s);
 }

@@ -11,7 +11,7 @@
 #include "atmos_model/allocator.h"
 #include "atmos_model/valve_schedule.h"
 #include "atmos_model/vehicle.h"
-#include "atmos_px4_bridge/rate_controller.h"
+#include "atmos_px4_bridge/flight_controller_config.h"
 
 namespace atmos {
 
@@ -100,7 +100,7 @@ class FlightController {
   std::optional<ActuatorModel> model_;
   Allocator allocator_;   // of the vehicle as the model has it
   ValveSchedule orders_;  // what the model's supply has had to give
-  RateController rate_;
+  Pid rate_;
   Pwm pwm_;
   Pacing pacing_;
   FlightStatus status_;

@@ -1,4 +1,4 @@
-#include "atmos_px4_bridge/rate_controller.h"
+#include "atmos_px4_bridge/pid.h"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +8,7 @@
 #include <string>
 
 #include "atmos_model/strict_yaml.h"
+#include "atmos_px4_bridge/flight_controller_config.h"
 
 namespace atmos {
 namespace {
@@ -19,11 +20,11 @@ Vehicle vehicle() { return load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
 
 // Yaw under the loop's torque within `limit`, plus a constant disturbance [N m].
 struct Spin {
-  RateController loop;
+  Pid loop;
   double rate = 0.0, stamp = kStart;
 
   void period(double setpoint, double disturbance = 0.0, double limit = 1e9) {
-    const double torque = loop.torque(stamp, setpoint, rate);
+    const double torque = loop.output(stamp, setpoint, rate);
     const double given = std::min(limit, std::max(-limit, torque));
     loop.achieved(given);
     rate += kPeriod / kInertia * (given + disturbance);
@@ -31,53 +32,53 @@ struct Spin {
   }
 };
 
-TEST(RateController, EveryTermHasItsMeaning) {
-  RateController loop({2.0, 10.0, 0.5, 0.25, 1.0});
-  EXPECT_DOUBLE_EQ(loop.torque(kStart, 0.3, 0.1), 2.0 * 0.2 + 0.25 * 0.3);
+TEST(Pid, EveryTermHasItsMeaning) {
+  Pid loop({2.0, 10.0, 0.5, 0.25, 1.0});
+  EXPECT_DOUBLE_EQ(loop.output(kStart, 0.3, 0.1), 2.0 * 0.2 + 0.25 * 0.3);
   loop.achieved(2.0 * 0.2 + 0.25 * 0.3);
   EXPECT_EQ(loop.integral(), 0.0);  // no time has passed
-  EXPECT_NEAR(loop.torque(kStart + kPeriod, 0.3, 0.14), 2.0 * 0.16 - 0.5 * 0.4 + 0.25 * 0.3, 1e-9);
+  EXPECT_NEAR(loop.output(kStart + kPeriod, 0.3, 0.14), 2.0 * 0.16 - 0.5 * 0.4 + 0.25 * 0.3, 1e-9);
   loop.achieved(2.0 * 0.16 - 0.5 * 0.4 + 0.25 * 0.3);
   const double fade = 1.0 - std::pow(0.16 / (400.0 * M_PI / 180.0), 2);
   EXPECT_NEAR(loop.integral(), 10.0 * 0.16 * kPeriod * fade, 1e-9);
 }
 
-TEST(RateController, ShippedGainsReachTheRateAgainstADisturbance) {
-  Spin spin{RateController(load_flight_controller(kFile, vehicle()).rate)};
+TEST(Pid, ShippedGainsReachTheRateAgainstADisturbance) {
+  Spin spin{Pid(load_flight_controller(kFile, vehicle()).rate)};
   for (int k = 0; k < 100; ++k) spin.period(0.4, 0.05, 0.5);
   EXPECT_NEAR(spin.rate, 0.4, 1e-3);
   EXPECT_NEAR(spin.loop.integral(), -0.05, 1e-3);
 }
 
-TEST(RateController, DoesNotWindUpWhileSaturated) {
-  Spin spin{RateController({1.5, 1.0, 0.0, 0.0, 0.2})};
+TEST(Pid, DoesNotWindUpWhileSaturated) {
+  Spin spin{Pid({1.5, 1.0, 0.0, 0.0, 0.2})};
   for (int k = 0; k < 50; ++k)
     spin.period(0.0, 0.3, 0.1);  // a hand that turns it, stronger than the thrusters
   EXPECT_GT(spin.rate, 1.0);
   EXPECT_EQ(spin.loop.integral(), 0.0);
 }
 
-TEST(RateController, IntegralStaysWithinItsLimitAndFadesForLargeErrors) {
-  RateController loop({0.01, 100.0, 0.0, 0.0, 0.2});
+TEST(Pid, IntegralStaysWithinItsLimitAndFadesForLargeErrors) {
+  Pid loop({0.01, 100.0, 0.0, 0.0, 0.2});
   for (int k = 0; k < 10; ++k) {
-    const double torque = loop.torque(kStart + kPeriod * k, 0.5, 0.0);
+    const double torque = loop.output(kStart + kPeriod * k, 0.5, 0.0);
     loop.achieved(torque);
   }
   EXPECT_DOUBLE_EQ(loop.integral(), 0.2);
-  RateController fast({0.01, 100.0, 0.0, 0.0, 0.2});
-  for (int k = 0; k < 10; ++k) fast.achieved(fast.torque(kStart + kPeriod * k, 7.0, 0.0));
+  Pid fast({0.01, 100.0, 0.0, 0.0, 0.2});
+  for (int k = 0; k < 10; ++k) fast.achieved(fast.output(kStart + kPeriod * k, 7.0, 0.0));
   EXPECT_EQ(fast.integral(), 0.0);
 }
 
-TEST(RateController, ForgetsAfterAGapAndKeepsTheIntegralWithoutAMeasurement) {
-  RateController loop({1.0, 1.0, 0.0, 0.0, 0.2});
-  for (int k = 0; k < 5; ++k) loop.achieved(loop.torque(kStart + kPeriod * k, 0.5, 0.0));
+TEST(Pid, ForgetsAfterAGapAndKeepsTheIntegralWithoutAMeasurement) {
+  Pid loop({1.0, 1.0, 0.0, 0.0, 0.2});
+  for (int k = 0; k < 5; ++k) loop.achieved(loop.output(kStart + kPeriod * k, 0.5, 0.0));
   const double held = loop.integral();
   EXPECT_GT(held, 0.1);
-  EXPECT_EQ(loop.torque(kStart + 0.5, 0.5, std::nullopt), held);
+  EXPECT_EQ(loop.output(kStart + 0.5, 0.5, std::nullopt), held);
   loop.achieved(held);
   EXPECT_EQ(loop.integral(), held);
-  EXPECT_EQ(loop.torque(kStart + 5.0, 0.0, 0.0), 0.0);
+  EXPECT_EQ(loop.output(kStart + 5.0, 0.0, 0.0), 0.0);
 }
 
 TEST(FlightControllerFile, EveryBrokenRuleIsNamed) {
