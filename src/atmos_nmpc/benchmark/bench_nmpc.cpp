@@ -26,6 +26,7 @@ using namespace atmos;
 using State = State13<double>;
 
 constexpr int kSteps = 800;
+constexpr double kColdStartMu = 1.0;  // as the controller's, at the start and at every new set-point
 
 double thread_cpu_seconds() {
   timespec now;
@@ -81,14 +82,19 @@ State measured(const State& x, double scale, std::mt19937& random) {
 class Runner {
  public:
   Runner(int stages, const SolverOptions& options)
-      : problem_(make_problem(stages)), solver_(problem_, options, thread_cpu_seconds) {}
+      : problem_(make_problem(stages)), solver_(problem_, options, thread_cpu_seconds) {
+    // Sets up Ipopt's structures, which belongs to the start of a controller.
+    iterate_ = problem_.cold_start(kColdStartMu);
+    solver_.solve(iterate_);
+  }
 
   Eigen::Vector4d step(int k, const State& x0) {
     const double begin = thread_cpu_seconds();
     problem_.cost().set_reference(reference_at(k), x0.segment<4>(state13::kQuaternion),
                                   TrackingCost::PlanarWeight::Zero());
     problem_.set_initial_state(x0);
-    iterate_ = warm_ ? problem_.shifted(iterate_) : problem_.cold_start(1e-4);
+    const bool jump = k == 0 || reference_at(k) != reference_at(k - 1);
+    iterate_ = warm_ && !jump ? problem_.shifted(iterate_) : problem_.cold_start(kColdStartMu);
     const SolveResult result = solver_.solve(iterate_);
     const Eigen::Vector4d u0 = problem_.input(iterate_.z, 0);
     ms_.push_back(1e3 * (thread_cpu_seconds() - begin));

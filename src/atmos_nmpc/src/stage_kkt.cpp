@@ -4,21 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vectorised.h"
+
 namespace atmos {
 
 namespace {
 
-// Compiled for the machine's vector units too, chosen when the program starts: the binary stays portable.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define ATMOS_VECTORISED __attribute__((target_clones("arch=x86-64-v3", "default")))
-#else
-#define ATMOS_VECTORISED
-#endif
-
-constexpr int kWidth = 4;  // doubles in a vector; leading dimensions are multiples of it, padded with zeros
-using Vector =
-    double __attribute__((vector_size(kWidth * sizeof(double)), aligned(sizeof(double)), may_alias));
-
+// Leading dimensions are whole vectors, padded with zeros.
 int rounded_up(int count) { return (count + kWidth - 1) / kWidth * kWidth; }
 
 // C += A B, column-major; rows and columns are multiples of kWidth.

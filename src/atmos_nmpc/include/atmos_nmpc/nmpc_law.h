@@ -31,13 +31,18 @@ class NmpcLaw : public ControlLaw {
         problem_(std::move(problem)),
         actuate_(std::move(actuate)),
         solver_(problem_, options, std::move(stopwatch)),
-        advanced_step_(problem_) {}
+        advanced_step_(problem_) {
+    // The first solve sets up Ipopt's structures, which takes longer than a solve: not in the first period.
+    iterate_ = problem_.cold_start(kColdStartMu);
+    solver_.solve(iterate_);
+  }
 
   CommandLevel level() const override { return level_; }
 
   SolveResult solve(const ControlTask& task) override {
     advanced_step_.forget();
     State x0 = task.x0.template head<Problem::kStates>();
+    if (jumps(task)) warm_ = false;
     if (warm_) {
       // q and -q are the same attitude: stay on the side of the previous solution, which is the starting
       // point.
@@ -102,9 +107,25 @@ class NmpcLaw : public ControlLaw {
   }
 
  private:
-  static constexpr double kColdStartMu = 1e-4;  // barrier parameter of a cold start, as mu_init
+  // Barrier parameter behind a cold start's multipliers: far above mu_init, so that the first steps, which
+  // are long, do not run into the bounds (half the iterations of one with mu_init).
+  static constexpr double kColdStartMu = 1.0;
+  // A reference this far from the one that was expected is another plan's business: the old plan is a worse
+  // start than none.
+  static constexpr double kJump_m = 0.1, kJump_rad = 0.1;
   // Share of an input's range: a correction beyond it is none of first order any more.
   static constexpr double kLargestCorrection = 0.2;
+
+  // Whether the reference is not the continuation of the last one.
+  bool jumps(const ControlTask& task) {
+    const State13<double> x = task.reference_at(0).x;
+    const auto q = x.template segment<4>(state13::kQuaternion);
+    const bool jump = (x.template head<3>() - expected_reference_.template head<3>()).norm() > kJump_m ||
+                      std::abs(q.dot(expected_reference_.template segment<4>(state13::kQuaternion))) <
+                          std::cos(0.5 * kJump_rad);
+    expected_reference_ = task.reference_at(1).x;
+    return jump;
+  }
 
   // The disturbances, and the inputs that hold the reference against them.
   void set_input_reference(const ControlTask& task) {
@@ -154,8 +175,9 @@ class NmpcLaw : public ControlLaw {
   TrackingCost::PlanarWeight terminal_ =
       TrackingCost::PlanarWeight::Zero();  // of a reference at terminal_yaw_
   std::optional<double> terminal_yaw_;
-  std::vector<State13<double>> references_;  // scratch
-  Iterate iterate_;                          // the newest solution
+  std::vector<State13<double>> references_;                       // scratch
+  State13<double> expected_reference_ = State13<double>::Zero();  // of the next period's first stage
+  Iterate iterate_;                                               // the newest solution
   std::int64_t iterate_period_ = 0;
   bool warm_ = false;     // iterate_ is a solution to start from
   Eigen::VectorXd plan_;  // z of the last success
