@@ -27,6 +27,9 @@ ActuatorModel::ActuatorModel(const Vehicle& nominal, const std::vector<Effect>& 
     : supply_(nominal, supply_only(effects), 0.0), vehicle_(nominal) {
   const PlantProperties properties = Plant(nominal, effects, 0.0).properties();
   timing_ = properties.timing;
+  for (const Effect& effect : effects) {
+    if (const auto* rise = std::get_if<ThrustRise>(&effect)) rise_s_ = rise->time_constant_s;
+  }
   vehicle_.mass_kg = properties.mass_kg;
   vehicle_.inertia_kg_m2.z() = properties.inertia_kg_m2;
   state_.hidden = supply_.initial_hidden();
@@ -54,38 +57,61 @@ void ActuatorModel::observe(double time_s, const ValveSchedule& valves) {
   if (time_s > state_.time_s) advance(supply_, valves, time_s, state_);
 }
 
+VecX<double> ActuatorModel::mean_force(double time_s, const std::vector<double>& open) const {
+  const auto n = static_cast<Eigen::Index>(open.size());
+  const double period = vehicle_.pwm.period_s, lag = rise_s_ / period;
+  // Level of a valve at the share `t` of the period, as ThrustRise has it.
+  const auto level = [lag](double closes, double t) {
+    if (lag == 0.0) return t < closes ? 1.0 : 0.0;
+    return t < closes ? 1.0 - std::exp(-t / lag)
+                      : (1.0 - std::exp(-closes / lag)) * std::exp(-(t - closes) / lag);
+  };
+  VecX<double> levels(n), mean = VecX<double>::Zero(n);
+  // Gauss-Legendre of three points, exact enough where levels bend by no more than e^-2 or have settled.
+  const auto integrate = [&](double from, double to) {
+    constexpr double kPoints[3] = {0.5 - 0.3872983346207417, 0.5, 0.5 + 0.3872983346207417};
+    constexpr double kWeights[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+    for (int point = 0; point < 3; ++point) {
+      const double t = from + kPoints[point] * (to - from);
+      for (Eigen::Index i = 0; i < n; ++i) levels[i] = level(open[static_cast<std::size_t>(i)], t);
+      mean += kWeights[point] * (to - from) * supply_.thrust<double>(time_s, {}, state_.hidden, levels);
+    }
+  };
+  // Pulses start together, so that over a period the set of open valves shrinks from edge to edge; after the
+  // last one thrust dies away.
+  std::vector<double> edges(open);
+  edges.push_back(0.0);
+  std::sort(edges.begin(), edges.end());
+  edges.push_back(edges.back() + 6.0 * lag);
+  for (std::size_t e = 0; e + 1 < edges.size(); ++e) {
+    const double settled = std::min(edges[e] + 2.0 * lag, edges[e + 1]);
+    if (settled > edges[e]) integrate(edges[e], settled);
+    if (edges[e + 1] > settled) integrate(settled, edges[e + 1]);
+  }
+  return mean;
+}
+
 void ActuatorModel::compensate(double time_s, std::vector<double>& share) const {
   if (vehicle_.actuation == Actuation::kContinuous) return;  // no valves, no supply
-  // Pulses start together, so that over a period the set of open valves shrinks from edge to edge. Fixed
-  // point: what a duty lacks in mean force is added to it. Coupling takes at most a third from a thruster,
-  // so that each round leaves less than two thirds of the error, and far less where few are open.
-  constexpr int kRounds = 12;
-  const auto n = static_cast<Eigen::Index>(share.size());
+  // Fixed point: what a duty lacks in mean force is added to it. Coupling takes at most a third from a
+  // thruster, so that each round leaves less than two thirds of the error, and far less where few are open.
+  constexpr int kMostRounds = 12;
+  constexpr double kResolution = 1e-4;  // of a duty
   const double period = vehicle_.pwm.period_s;
   const double longer = (timing_.close_delay_s - timing_.open_delay_s) / period;  // than commanded
   const std::vector<double> wanted = share;
-  VecX<double> openings(n), mean(n);
-  std::vector<double> edges;
-  for (int round = 0; round < kRounds; ++round) {
-    edges.assign(share.begin(), share.end());
-    edges.push_back(0.0);
-    std::sort(edges.begin(), edges.end());
-    mean.setZero();
-    for (std::size_t e = 0; e + 1 < edges.size(); ++e) {
-      const double length = edges[e + 1] - edges[e];
-      if (length <= 0.0) continue;
-      for (Eigen::Index i = 0; i < n; ++i)
-        openings[i] = share[static_cast<std::size_t>(i)] > edges[e] ? 1.0 : 0.0;
-      mean += length * supply_.thrust<double>(time_s, {}, state_.hidden, openings);
-    }
+  for (int round = 0; round < kMostRounds; ++round) {
+    const VecX<double> mean = mean_force(time_s, share);
+    double change = 0.0;
     for (std::size_t i = 0; i < share.size(); ++i) {
       const double force = vehicle_.thrusters[i].force_n;
-      if (wanted[i] <= 0.0 || force <= 0.0) {
-        share[i] = 0.0;
-        continue;
-      }
-      share[i] = std::clamp(share[i] + wanted[i] - mean[static_cast<Eigen::Index>(i)] / force, 0.0, 1.0);
+      const double before = share[i];
+      share[i] = wanted[i] > 0.0 && force > 0.0
+                     ? std::clamp(before + wanted[i] - mean[static_cast<Eigen::Index>(i)] / force, 0.0, 1.0)
+                     : 0.0;
+      change = std::max(change, std::abs(share[i] - before));
     }
+    if (change < kResolution) break;
   }
   for (double& duty : share) {
     if (duty > 0.0 && duty < 1.0) duty = std::clamp(duty - longer, 0.0, 1.0);

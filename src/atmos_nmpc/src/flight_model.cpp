@@ -42,21 +42,13 @@ State13<double> with_planar(State13<double> x, const PlanarState<double>& state)
   return x;
 }
 
-// Time constant of the thrust: its force acts that much later on average.
-double rise_s(const std::vector<Effect>& effects) {
-  for (const Effect& effect : effects) {
-    if (const auto* rise = std::get_if<ThrustRise>(&effect)) return rise->time_constant_s;
-  }
-  return 0.0;
-}
-
 }  // namespace
 
 FlightModel::FlightModel(const Vehicle& nominal, const std::vector<Effect>& effects)
     : plant_(nominal, effects, 0.0),
       external_(nominal, external_only(effects), 0.0),
       actuators_(nominal, effects),
-      delay_s_(timing().command_delay_s + timing().open_delay_s + rise_s(effects)) {}
+      delay_s_(timing().command_delay_s + timing().open_delay_s + actuators_.rise_s()) {}
 
 State13<double> FlightModel::from_measured(const State13<double>& shown) const {
   return with_planar(shown, plant_.from_measured(planar(shown)));

@@ -75,6 +75,7 @@ TEST_P(MonteCarlo, EveryRunRecoversOrSaysWhyItCouldNot) {
                            drawn.effects);
     std::bernoulli_distribution lost(drawn.dropout);
     int saturated = 0, closed = 0;
+    Eigen::Vector3d most = Eigen::Vector3d::Zero();  // |p|, |v|, |w|, per component
     for (int k = 0; k < kPeriods; ++k) {
       const bool blackout = k >= 50 && k < 50 + static_cast<int>(10.0 * drawn.blackout_s);
       const testing::FlightRow row = flight.period(k == 0 || !(blackout || lost(random)));
@@ -82,6 +83,9 @@ TEST_P(MonteCarlo, EveryRunRecoversOrSaysWhyItCouldNot) {
       for (const double duty : decision.command.duty)
         ASSERT_TRUE(duty >= 0.0 && duty <= 1.0) << "period " << k << ": " << duty;
       ASSERT_TRUE(row.truth.p_WC.allFinite() && std::isfinite(row.truth.yaw_rate)) << k;
+      most =
+          most.cwiseMax(Eigen::Vector3d(row.truth.p_WC.cwiseAbs().maxCoeff(),
+                                        row.truth.v_WC.cwiseAbs().maxCoeff(), std::abs(row.truth.yaw_rate)));
       for (const State13<double>& x : decision.path) ASSERT_TRUE(x.allFinite()) << k;
       if (decision.wrench.norm() > 0.0) {
         ASSERT_LE(decision.wrench.head<2>().cwiseAbs().maxCoeff(), config_.force_n + 1e-6) << k;
@@ -108,6 +112,14 @@ TEST_P(MonteCarlo, EveryRunRecoversOrSaysWhyItCouldNot) {
     const bool says_why = saturated > 25 || closed > 0;
     EXPECT_TRUE(back || says_why) << "push " << drawn.force_n << " N, end " << end.p_WC.transpose() << ", "
                                   << end.yaw << ", closed " << closed;
+    // The soft bounds; beyond them only what the hit adds (1.5 N s, 0.05 N m s), or what pushes the robot
+    // away.
+    if (back) {
+      const double slack = 0.02;
+      EXPECT_LT(most[0], config_.bounds.position[0] + slack);
+      EXPECT_LT(most[1], config_.bounds.velocity[0] + slack + 1.5 / (0.9 * vehicle_.mass_kg));
+      EXPECT_LT(most[2], config_.bounds.rate[2] + slack + 0.05 / vehicle_.inertia_kg_m2.z());
+    }
     // What is well within the bounds is always recovered from.
     if (drawn.force_n < 0.6 && drawn.blackout_s == 0.0) {
       EXPECT_TRUE(back) << "push " << drawn.force_n << " N, end " << end.p_WC.transpose() << ", " << end.yaw;

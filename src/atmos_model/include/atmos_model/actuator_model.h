@@ -22,6 +22,8 @@ class ActuatorModel {
   const Vehicle& vehicle() const { return vehicle_; }
   // When what is commanded really moves valves.
   const ValveTiming& timing() const { return timing_; }
+  // Time constant of the thrust: its force acts that much later on average.
+  double rise_s() const { return rise_s_; }
 
   // What is not seen of the supply (plenum, gas) is carried along by the openings up to `time_s`; an earlier
   // time than the one before changes nothing. `valves` knows timing().
@@ -30,12 +32,17 @@ class ActuatorModel {
   void forget() { started_ = false; }
 
   // Duties under which each thruster's mean force over a period is `share` of its force in vehicle(), with
-  // what the supply takes from thrusters that are open at once; propellers' stay. In place; allocates once.
+  // what the supply takes from thrusters that are open at once while thrust rises and falls; propellers'
+  // stay. In place.
   void compensate(double time_s, std::vector<double>& share) const;
 
  private:
+  // Of each thruster, as a share of a period, when its valve is open for the share open[i] from the start on.
+  VecX<double> mean_force(double time_s, const std::vector<double>& open) const;
+
   Plant supply_;  // constants and supply, thrust without rise
   ValveTiming timing_;
+  double rise_s_ = 0.0;
   Vehicle vehicle_;
   bool started_ = false;
   PlantState state_;  // only its hidden part moves
