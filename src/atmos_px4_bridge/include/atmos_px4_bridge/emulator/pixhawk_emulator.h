@@ -51,7 +51,8 @@ class PixhawkEmulator {
   std::uint64_t ignored() const { return ignored_; }  // set-points without an effect on this firmware
 
  private:
-  double clock(double now_s) const { return (now_s - boot_s_) * (1.0 + config_.clock_skew); }
+  // Seconds since power on; the line is served from the first second on.
+  double clock(double now_s) const { return 1.0 + (now_s - boot_s_) * (1.0 + config_.clock_skew); }
   template <class Message>
   void send(const Message& message);
   void say(mavlink::u8 severity, const std::string& text);
