@@ -1,34 +1,87 @@
-// Time from a frame to its odometry inside the filter: prediction between valve edges, update, conversion.
+// What the mocap bridge costs: a frame inside the filter, and many bodies of one QTM stream.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <vector>
 
+#include "../test/qtm_link.h"
 #include "../test/sensor_simulator.h"
 
-int main() {
-  using namespace atmos;
+namespace {
+
+using namespace atmos;
+
+double now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+void print(const char* name, std::vector<double>& ms) {
+  std::sort(ms.begin(), ms.end());
+  std::printf(
+      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.6g, \"p99\": %.6g, \"max\": %.6g, \"n\": %zu}\n",
+      name, ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+}
+
+// Time from a frame to its odometry inside the filter: prediction between valve edges, update, conversion.
+void bench_filter() {
   test::FlightOptions options;
   options.duration_s = 300.0;
   options.thrust_error = 0.05;
   test::SensorSimulator simulator(test::nominal_vehicle(), options);
   PoseFilter filter(test::nominal_config(), test::nominal_vehicle());
-
   std::vector<double> ms;
   double checksum = 0.0;
   for (const test::Sample& sample : simulator.samples) {
-    const auto begin = std::chrono::steady_clock::now();
+    const double begin = now_s();
     simulator.feed_commands(filter, sample.frame.stamp_s);
     filter.take_frame(sample.frame);
-    const OdometryEstimate odometry = to_odometry(filter.estimate());
-    ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
-    checksum += odometry.twist_covariance.trace();
+    checksum += to_odometry(filter.estimate()).twist_covariance.trace();
+    ms.push_back(1e3 * (now_s() - begin));
   }
-  std::sort(ms.begin(), ms.end());
   std::fprintf(stderr, "bench_mocap: %zu frames, checksum %g\n", ms.size(), checksum);
+  print("mocap/filter_update", ms);
+}
+
+// 50 bodies at 300 Hz: packets cut, decoded, every body through a filter of its own and converted to
+// odometry.
+void bench_bodies() {
+  constexpr std::size_t kBodies = 50;
+  constexpr double kRate_hz = 300.0;
+  constexpr int kFrames = 9000;
+  std::vector<std::unique_ptr<PoseFilter>> filters;
+  for (std::size_t i = 0; i < kBodies; ++i)
+    filters.push_back(std::make_unique<PoseFilter>(test::nominal_config(), test::nominal_vehicle()));
+  qtm::PacketParser parser;
+  qtm::Frame frame;
+  std::vector<double> ms;
+  double busy_s = 0.0, checksum = 0.0;
+  for (int k = 0; k < kFrames; ++k) {
+    const auto us = static_cast<std::uint64_t>(1e6 * k / kRate_hz);
+    const std::string bytes = qtm::encode_frame(
+        qtm::test::frame_of(kBodies, static_cast<std::uint32_t>(k), us), qtm::kComponent6dRes);
+    const double begin = now_s();
+    parser.add(bytes.data(), bytes.size());
+    if (!qtm::decode_frame(parser.next()->body, frame)) std::abort();
+    for (std::size_t i = 0; i < kBodies; ++i) {
+      filters[i]->take_frame(
+          qtm::to_pose_frame(frame.bodies[i], test::kStart + 1e-6 * static_cast<double>(frame.timestamp_us)));
+      checksum += to_odometry(filters[i]->estimate()).pose_covariance.trace();
+    }
+    busy_s += now_s() - begin;
+    ms.push_back(1e3 * (now_s() - begin));
+  }
+  std::fprintf(stderr, "bench_mocap: %zu bodies, checksum %g\n", kBodies, checksum);
+  print("mocap/qtm_50_bodies/frame", ms);
   std::printf(
-      "{\"name\": \"mocap/filter_update\", \"unit\": \"ms\", \"median\": %.6g, \"p99\": %.6g, \"max\": %.6g, "
-      "\"n\": %zu}\n",
-      ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+      "{\"name\": \"mocap/qtm_50_bodies_300hz/core_share\", \"unit\": \"1\", \"value\": %.4g, \"n\": %d}\n",
+      busy_s * kRate_hz / kFrames, kFrames);
+}
+
+}  // namespace
+
+int main() {
+  bench_filter();
+  bench_bodies();
   return 0;
 }

@@ -47,6 +47,9 @@ std::string robot_name(const MocapConfig& config, const Vehicle& vehicle, const 
 }
 
 std::unique_ptr<PoseSource> make_source(const SourceConfig& config, const SourceContext& context) {
+  if (const auto* qtm = std::get_if<QtmSourceConfig>(&config)) return make_qtm_source(*qtm, context);
+  if (const auto* camera = std::get_if<CameraSourceConfig>(&config))
+    return make_camera_source(*camera, context);
   return make_topic_source(std::get<TopicSourceConfig>(config), context);
 }
 
@@ -68,10 +71,15 @@ BridgeNode::BridgeNode(const MocapConfig& config, const Vehicle& vehicle, bool l
                                         ros::TransportHints().tcpNoDelay());
   // The lock keeps early frames waiting until the source is known to be complete.
   const std::lock_guard<std::mutex> lock(mutex_);
-  source_ = make_source(config.source,
-                        {node_, robot, lockstep, [this](const SourceFrame& frame) { on_frame(frame); }});
+  source_ = make_source(
+      config.source, {node_, robot, lockstep, [this](const SourceFrame& frame) { on_frame(frame); }, config});
   if (!source_->is_pose_topic())
     pose_publisher_ = node_.advertise<geometry_msgs::PoseStamped>("mocap/pose", kQueue);
+}
+
+LatencyRecord::Summary BridgeNode::latency() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return latency_.summary();
 }
 
 void BridgeNode::on_command(const atmos_msgs::ThrusterCommand& message) {

@@ -22,6 +22,9 @@ class BridgeNode {
  public:
   BridgeNode(const MocapConfig& config, const Vehicle& vehicle, bool lockstep);
 
+  // From the arrival of a frame's last byte or message to the end of publishing its odometry.
+  LatencyRecord::Summary latency() const;
+
  private:
   void on_command(const atmos_msgs::ThrusterCommand& message);
   void on_frame(const SourceFrame& frame);
@@ -40,7 +43,7 @@ class BridgeNode {
   };
 
   ros::NodeHandle node_;
-  std::mutex mutex_;  // sources may deliver from a thread of their own
+  mutable std::mutex mutex_;  // sources may deliver from a thread of their own
   PoseFilter filter_;
   LockstepGate gate_;
   bool lockstep_;

@@ -36,8 +36,12 @@ struct SourceContext {
   std::string robot;
   bool lockstep;
   PoseSource::Sink sink;
+  MocapConfig config;  // all of it: a source may need the noise settings
 };
 
 std::unique_ptr<PoseSource> make_topic_source(const TopicSourceConfig& config, const SourceContext& context);
+std::unique_ptr<PoseSource> make_camera_source(const CameraSourceConfig& config,
+                                               const SourceContext& context);
+std::unique_ptr<PoseSource> make_qtm_source(const QtmSourceConfig& config, const SourceContext& context);
 
 }  // namespace atmos

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <set>
 
+#include "atmos_mocap_bridge/camera/marker_detector.h"
 #include "atmos_model/strict_yaml.h"
 
 namespace atmos {
@@ -19,7 +20,7 @@ CameraSourceConfig read_camera(const ConfigFile& file, const ConfigMap& map) {
   camera.image = map.text("image");
   camera.camera_info = map.text("camera_info");
   camera.extrinsic_path = file.resolve(map.text("extrinsic"));
-  camera.dictionary = map.text("dictionary");
+  camera.dictionary = map.choice("dictionary", marker_dictionaries());
   camera.corner_noise_px = map.number("corner_noise_px", Bounds::positive());
   camera.max_reprojection_px = map.number("max_reprojection_px", Bounds::positive());
   const ConfigMap board = map.map("board");
@@ -67,6 +68,13 @@ std::vector<MarkerSettings> read_markers(const ConfigMap& map) {
   }
   if (markers.empty() && !map.faulty("markers")) map.fault("markers", "must have at least one entry");
   return markers;
+}
+
+FloorMarkers load_floor_markers(const std::string& path) {
+  const ConfigFile file(path);
+  FloorMarkers floor{file.root().choice("dictionary", marker_dictionaries()), read_markers(file.root())};
+  file.check();
+  return floor;
 }
 
 MocapConfig load_mocap_config(const std::string& path) {

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "atmos_mocap_bridge/emulator_config.h"
 #include "atmos_model/strict_yaml.h"
 
 namespace atmos {
@@ -38,10 +39,12 @@ std::vector<ConfigFault> faults_of(const std::string& text) {
 TEST(MocapConfig, EveryShippedFileLoads) {
   int files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(kFolder)) {
+    if (!entry.is_regular_file()) continue;
     EXPECT_NO_THROW(load_mocap_config(entry.path())) << entry.path();
     ++files;
   }
-  EXPECT_GE(files, 1);
+  EXPECT_GE(files, 2);
+  EXPECT_NO_THROW(load_qtm_emulator_config(kFolder + "/emulator/qtm.yaml"));
 }
 
 TEST(MocapConfig, ReadsEachKeyIntoItsPlace) {

@@ -81,6 +81,14 @@ struct MocapConfig {
 // Throws ConfigError with every fault.
 MocapConfig load_mocap_config(const std::string& path);
 
+// Markers on the floor whose places in the world are known.
+struct FloorMarkers {
+  std::string dictionary;
+  std::vector<MarkerSettings> markers;  // center_m in the world
+};
+// Throws ConfigError with every fault.
+FloorMarkers load_floor_markers(const std::string& path);
+
 // The list `markers` of `map`: id, center_m, size_m. Faults are recorded there.
 std::vector<MarkerSettings> read_markers(const ConfigMap& map);
 
