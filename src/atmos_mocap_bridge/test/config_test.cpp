@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <tuple>
 
 #include "atmos_mocap_bridge/emulator_config.h"
 #include "atmos_model/strict_yaml.h"
@@ -15,8 +16,8 @@ namespace {
 
 const std::string kFolder = std::string(ATMOS_CONFIG_DIR) + "/mocap";
 
-std::string replaced(const std::string& from, const std::string& to) {
-  std::ifstream file(kFolder + "/topic.yaml");
+std::string replaced(const std::string& from, const std::string& to, const std::string& name = "topic.yaml") {
+  std::ifstream file(kFolder + "/" + name);
   std::stringstream text;
   text << file.rdbuf();
   std::string copy = text.str();
@@ -90,6 +91,20 @@ TEST(MocapConfig, MutatedCopiesAreRefused) {
   };
   for (const auto& [from, to] : mutations) EXPECT_EQ(faults_of(replaced(from, to)).size(), 1u) << to;
   EXPECT_TRUE(faults_of(replaced("coast_s: 0.05", "coast_s: 0.3")).empty());
+}
+
+TEST(MocapConfig, MutatedSourcesAreRefused) {
+  const std::tuple<std::string, std::string, std::string> mutations[] = {
+      {"qtm.yaml", "port: 22223", "port: 0"},
+      {"qtm.yaml", "silence_s: 2.0", "silence_s: 0"},
+      {"qtm.yaml", "host: 127.0.0.1", ""},
+      {"camera.yaml", "dictionary: 4X4_50", "dictionary: 3X3"},
+      {"camera.yaml", "min_corners: 4 ", "min_corners: 17 "},
+      {"camera.yaml", "{id: 3,", "{id: 0,"},
+      {"camera.yaml", "corner_noise_px: 0.08", "corner_noise_px: 0"},
+  };
+  for (const auto& [name, from, to] : mutations)
+    EXPECT_EQ(faults_of(replaced(from, to, name)).size(), 1u) << name << ": " << to;
 }
 
 TEST(MocapConfig, CalibrationBearsTheNamesOfTheDiagnosis) {

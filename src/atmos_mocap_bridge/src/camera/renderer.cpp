@@ -209,7 +209,7 @@ struct Renderer::Impl {
   std::mt19937 random;
   std::vector<Sheet> sheets, floor_sheets;
   std::vector<std::vector<Vector2d>> planes;  // hits at the height of each board
-  cv::Mat background, sharp_background;  // with and without the lens' blur
+  cv::Mat background, sharp_background;       // with and without the lens' blur
   cv::Mat image, noise, result;
 };
 
