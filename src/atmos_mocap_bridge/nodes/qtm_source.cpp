@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kConnectLimit_s = 1.0, kWriteLimit_s = 1.0;
 constexpr double kWait_s = 0.05;  // for bytes, and so the delay of everything that is not a frame
+constexpr double kNoFrames_s = 1.0;
 constexpr std::size_t kChunk = 1 << 16;
 
 ros::Time time_of_microseconds(std::uint64_t us) {
@@ -45,6 +46,8 @@ class QtmSource : public PoseSource {
     const Report& report = report_;
     if (report.state != qtm::Session::State::kStreaming)
       out.summary(DiagnosticStatus::ERROR, "no stream from " + config_.host + ": " + report.problem);
+    else if (report.without_frames)
+      out.summary(DiagnosticStatus::WARN, "connected, but no frames come: QTM measures nothing");
     else if (!report.body_known)
       out.summary(DiagnosticStatus::WARN, "QTM streams no frame with the body");
     else
@@ -68,7 +71,7 @@ class QtmSource : public PoseSource {
     qtm::Session::State state = qtm::Session::State::kOffline;
     qtm::Session::Counters counters;
     std::string version, problem;
-    bool body_known = false;
+    bool body_known = false, without_frames = true;
     float residual_mm = 0.0f;
     int drop_rate = 0;
     double drift = 0.0;
@@ -127,6 +130,11 @@ class QtmSource : public PoseSource {
     report_.version = session_.version();
     report_.problem = session_.last_problem();
     report_.body_known = session_.body_known();
+    if (session_.counters().frames + session_.counters().without_body != frames_seen_) {
+      frames_seen_ = session_.counters().frames + session_.counters().without_body;
+      last_frame_ = ros::SteadyTime::now();
+    }
+    report_.without_frames = (ros::SteadyTime::now() - last_frame_).toSec() > kNoFrames_s;
     report_.residual_mm = residual_mm_;
     report_.drop_rate = drop_rate_;
     report_.drift = clock_.drift();
@@ -138,6 +146,8 @@ class QtmSource : public PoseSource {
   qtm::Session session_;
   ClockMap clock_;
   ros::SteadyTime received_;
+  std::uint64_t frames_seen_ = 0;
+  ros::SteadyTime last_frame_;
   float residual_mm_ = 0.0f;
   int drop_rate_ = 0;
   std::mutex report_mutex_;

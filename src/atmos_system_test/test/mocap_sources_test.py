@@ -43,7 +43,7 @@ class MocapSources(unittest.TestCase):
             "duration_s": 20.0,
             "setpoints": [{"time_s": 0.0, "x_m": 0.0, "y_m": 0.0, "yaw_deg": 0.0},
                           {"time_s": 5.0, "x_m": 0.4, "y_m": 0.2, "yaw_deg": 45.0}]}
-        bag, log = harness.fly(harness.write_scenario(folder, **changes), 800.0, **arguments)
+        bag, log = harness.fly(harness.write_scenario(folder, **changes), 240.0, **arguments)
         flight = flight_report.load_flight(bag)
         rows = flight_report.setpoint_metrics(flight, flight_report.vehicle_forces(harness.VEHICLE))
         self.assertEqual(len(rows), 5 if LONG else 2, log)
