@@ -193,20 +193,40 @@ TEST_P(Safety, StopDisarmsThroughManual) {
   EXPECT_EQ(bench.bridge.manager().status().state, OffboardSession::State::kIdle);
 }
 
-// A pilot's switch, sent by another ground station.
+// A pilot's switch, sent by another ground station, at any time.
 TEST_P(Safety, APilotWhoTakesOverIsNotFought) {
-  mavlink::CommandLong command;
-  command.command = 176;
-  command.param1 = 1.0f, command.param2 = 1.0f;  // manual
-  mavlink::u8 frame[mavlink::kMaxFrame];
+  const auto pilot_takes_over = [&] {
+    mavlink::CommandLong command;
+    command.command = 176;
+    command.param1 = 1.0f, command.param2 = 1.0f;  // manual
+    mavlink::u8 frame[mavlink::kMaxFrame];
+    bench.pixhawk.receive(frame, mavlink::encode(command, {255, 190}, 0, frame), bench.now);
+    bench.fly(5.0);
+    EXPECT_EQ(bench.pixhawk.mode(), FlightMode::kManual);
+    EXPECT_EQ(bench.bridge.manager().status().state, OffboardSession::State::kReleased);
+    EXPECT_GT(bench.closed_for_s(), 4.5);
+  };
   bench.fly(5.0);
-  bench.pixhawk.receive(frame, mavlink::encode(command, {255, 190}, 0, frame), bench.now);
-  bench.fly(5.0);
-  EXPECT_EQ(bench.pixhawk.mode(), FlightMode::kManual);
-  EXPECT_EQ(bench.bridge.manager().status().state, OffboardSession::State::kReleased);
-  EXPECT_GT(bench.closed_for_s(), 4.5);
+  pilot_takes_over();
   bench.bridge.manager().request(true);
   expect_resumed();
+
+  bench.fly(5.0);
+  bench.body.yaw_rate = 2.5;  // the envelope is left
+  ASSERT_TRUE(bench.fly_until([&] { return bench.pixhawk.mode() == FlightMode::kPosition; }, 1.0));
+  bench.fly(5.0);
+  pilot_takes_over();
+  bench.bridge.manager().request(true);
+  expect_resumed();
+
+  if (GetParam() == Firmware::kStock) return;  // closed means disarmed there
+  bench.fly(5.0);
+  bench.odometry_on = false;
+  bench.fly(2.0);
+  pilot_takes_over();
+  bench.odometry_on = true;
+  bench.fly(3.0);
+  EXPECT_EQ(bench.pixhawk.mode(), FlightMode::kManual);
 }
 
 // --- faults of the line ---

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "atmos_px4_bridge/autopilot_link.h"
@@ -15,6 +16,7 @@ class OffboardSession {
   static constexpr double kStreamFirst_s = 1.0;  // PX4 wants set-points for this long before the switch
   static constexpr double kRetry_s = 0.5;        // between attempts at the same step
   static constexpr double kForeign_s = 3.0;      // after a fault of the link, changes are the autopilot's own
+  static constexpr double kNotice_s = 0.5;       // a fault of the link may become known after its effect
 
   enum class State {
     kIdle,        // nobody asked to fly
@@ -35,9 +37,10 @@ class OffboardSession {
   // Why a command was refused; for people.
   void on_refusal(const std::string& text) { refusal_ = text; }
   // The link was down, or the autopilot started anew: what changes now is nobody's decision.
-  void on_disturbance(double now_s) { disturbed_s_ = now_s; }
+  void on_disturbance(double now_s);
 
-  // Sends what is next. `streaming`: set-points (closed ones included) are being sent.
+  // Sends what is next. Nothing is sent against a pilot's switch. `streaming`: set-points (closed ones
+  // included) are being sent.
   void step(const Verdict& verdict, bool streaming, AutopilotLink& link, double now_s);
 
   State state() const { return state_; }
@@ -46,14 +49,20 @@ class OffboardSession {
 
  private:
   void enter(State state) { state_ = state; }
+  bool in_our_hands() const;
+  void disarm(AutopilotLink& link, double now_s);
   bool retry(double now_s);
 
   static constexpr double kNever = -std::numeric_limits<double>::infinity();
   bool wish_ = false;
   State state_ = State::kIdle;
   AutopilotState autopilot_;
+  bool known_ = false;  // the autopilot has spoken since the last disturbance
+  bool held_ = false;   // it was armed, in the mode that is ours
+  bool own_ = false;    // we told it to leave
   std::string refusal_;
   double streaming_since_ = kNever, last_attempt_ = kNever, disturbed_s_ = kNever;
+  std::optional<double> left_s_;  // since when it no longer flies although nobody here wanted that
   bool streaming_ = false;
 };
 
