@@ -1,10 +1,18 @@
 // What the link costs: encoding and decoding the traffic of a flight, and the share of the line it takes.
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <string>
 #include <vector>
 
 #include "../test/mavlink/fields.h"
+#include "atmos_px4_bridge/emulator/pseudo_terminal.h"
+#include "atmos_px4_bridge/mavlink/link_budget.h"
+#include "atmos_px4_bridge/mavlink/px4.h"
+#include "atmos_px4_bridge/port.h"
+#include "atmos_px4_bridge/px4_bridge.h"
 
 namespace {
 
@@ -53,9 +61,71 @@ void codec_rate() {
               rates[rates.size() / 2], kRounds * kPerRound);
 }
 
+void print_ms(const char* name, std::vector<double>& ms) {
+  std::sort(ms.begin(), ms.end());
+  std::printf(
+      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.6g, \"p99\": %.6g, \"max\": %.6g, \"n\": %zu}\n",
+      name, ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+}
+
+// From a set-point handed to the bridge to its last byte at the other end of a serial device (a
+// pseudo-terminal).
+void setpoint_to_wire() {
+  using namespace atmos;
+  const std::string device = "/tmp/bench_px4_" + std::to_string(::getpid());
+  PseudoTerminal terminal(device);
+  const auto port = make_port(device, 921600);
+  port->poll(0.0);
+  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge_patched.yaml");
+  Px4Bridge bridge(config, load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml"),
+                   [&](const u8* data, std::size_t size) { port->write(data, size); });
+  Setpoint setpoint;
+  setpoint.level = Level::kRate;
+  setpoint.w_WB_B.z() = 0.1;
+  setpoint.force_B.x() = 1.0;
+  OdometrySample odometry;
+  std::vector<double> ms;
+  double now = 1000.0;
+  for (int k = 0; k < 20000; ++k) {
+    now += 0.01;
+    odometry.stamp_s = now;
+    bridge.manager().take_odometry(odometry, now);
+    bridge.manager().hear(now);
+    u8 buffer[4096];
+    while (terminal.read(buffer, sizeof(buffer)) > 0) {
+    }
+    const double begin = seconds();
+    bridge.manager().take_setpoint(setpoint, now);
+    Parser parser;
+    bool arrived = false;
+    while (!arrived) {
+      parser.push(buffer, terminal.read(buffer, sizeof(buffer)));
+      while (const auto frame = parser.next()) arrived |= frame->info->id == SetAttitudeTarget::kId;
+    }
+    ms.push_back(1e3 * (seconds() - begin));
+  }
+  print_ms("px4/setpoint_to_wire", ms);
+}
+
+// The share of the line, computed from the message table.
+void budget() {
+  const auto rows = atmos::flight_traffic();
+  for (const auto& row : rows)
+    std::fprintf(stderr, "  %-20s %s %4.0f B x %5.1f Hz = %7.1f B/s\n", row.message,
+                 row.to_autopilot ? "to the autopilot" : "from it         ", row.bytes, row.rate_hz,
+                 row.bytes * row.rate_hz);
+  for (const double baud : {57600.0, 460800.0, 921600.0}) {
+    for (const bool to : {true, false})
+      std::printf("{\"name\": \"px4/line_share/%.0f/%s\", \"unit\": \"1\", \"value\": %.4g}\n", baud,
+                  to ? "to_autopilot" : "from_autopilot", atmos::line_share(rows, to, baud));
+  }
+}
+
 }  // namespace
 
 int main() {
   codec_rate();
+  setpoint_to_wire();
+  budget();
   return 0;
 }
