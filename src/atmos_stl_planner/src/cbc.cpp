@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "atmos_stl_planner/milp.h"
+#include "sparse_columns.h"
 
 namespace atmos::stl {
 
@@ -13,39 +14,6 @@ namespace {
 constexpr double kIntegrality = 1e-5;
 constexpr double kFeasibility = 1e-6;
 constexpr double kRepairLimit_s = 60.0;
-
-// A model by columns, as both C interfaces take it.
-struct Sparse {
-  std::vector<CoinBigIndex> starts;
-  std::vector<int> rows;
-  std::vector<double> values, column_lower, column_upper, cost, row_lower, row_upper;
-
-  explicit Sparse(const MilpModel& model) {
-    std::vector<std::vector<std::pair<int, double>>> columns(model.columns.size());
-    for (std::size_t i = 0; i < model.rows.size(); ++i) {
-      for (const auto& [column, value] : model.rows[i].terms)
-        columns[static_cast<std::size_t>(column)].emplace_back(static_cast<int>(i), value);
-      row_lower.push_back(limited(model.rows[i].lower));
-      row_upper.push_back(limited(model.rows[i].upper));
-    }
-    for (std::size_t j = 0; j < columns.size(); ++j) {
-      starts.push_back(static_cast<CoinBigIndex>(rows.size()));
-      for (const auto& [row, value] : columns[j]) {
-        rows.push_back(row);
-        values.push_back(value);
-      }
-      column_lower.push_back(limited(model.columns[j].lower));
-      column_upper.push_back(limited(model.columns[j].upper));
-      cost.push_back(model.columns[j].cost);
-    }
-    starts.push_back(static_cast<CoinBigIndex>(rows.size()));
-  }
-
-  static double limited(double bound) {
-    constexpr double kInfinite = 1e30;
-    return bound > kInfinite ? kInfinite : bound < -kInfinite ? -kInfinite : bound;
-  }
-};
 
 bool satisfies(const MilpModel& model, const std::vector<double>& x) {
   for (const MilpModel::Row& row : model.rows) {
@@ -60,7 +28,7 @@ bool satisfies(const MilpModel& model, const std::vector<double>& x) {
 }
 
 MilpResult solve_lp(const MilpModel& model, double limit_s) {
-  const Sparse sparse(model);
+  const SparseColumns sparse(model);
   Clp_Simplex* clp = Clp_newModel();
   Clp_setLogLevel(clp, 0);
   Clp_loadProblem(clp, static_cast<int>(model.columns.size()), static_cast<int>(model.rows.size()),
@@ -95,7 +63,7 @@ class Cbc : public MilpSolver {
 
  private:
   static MilpResult solve_integer(const MilpModel& model, double limit_s) {
-    const Sparse sparse(model);
+    const SparseColumns sparse(model);
     Cbc_Model* cbc = Cbc_newModel();
     Cbc_loadProblem(cbc, static_cast<int>(model.columns.size()), static_cast<int>(model.rows.size()),
                     sparse.starts.data(), sparse.rows.data(), sparse.values.data(),

@@ -32,16 +32,35 @@ Coefficients displacement(const Region& region, const Coefficients& h, int axis)
   return (a + (h.array() - from) / (to - from) * (b - a)).matrix();
 }
 
+// A polynomial and its bounds, which decide most questions by themselves.
+struct Bounded {
+  explicit Bounded(Coefficients coefficients)
+      : c(std::move(coefficients)), low(c.minCoeff()), high(c.maxCoeff()) {}
+
+  // Where sign * c >= level.
+  IntervalSet at_least(double sign, double level) const {
+    const double least = sign > 0.0 ? low : -high, most = sign > 0.0 ? high : -low;
+    if (least >= level) return {0.0, 1.0};
+    if (most < level) return {};
+    return bernstein::nonnegative(sign * c.array() - level);
+  }
+
+  Coefficients c;
+  double low, high;
+};
+
 }  // namespace
 
 struct Checker::Impl {
   std::vector<Region> regions;
   Motion motion;
   // Per robot and region: per segment, the distance to each side, positive inside.
-  mutable std::map<std::pair<int, int>, std::vector<std::vector<Coefficients>>> margins;
-  double scale = 1.0;  // no predicate's value is larger
+  mutable std::map<std::pair<int, int>, std::vector<std::vector<Bounded>>> margins;
+  double scale = 1.0;  // no distance to a region's side is larger
+  double until_s = 0.0;
+  std::function<double(const Formula&)> beyond;
 
-  const std::vector<std::vector<Coefficients>>& margins_of(int robot, int region) const {
+  const std::vector<std::vector<Bounded>>& margins_of(int robot, int region) const {
     auto& cached = margins[{robot, region}];
     if (!cached.empty()) return cached;
     const Region& place = regions[static_cast<std::size_t>(region)];
@@ -49,10 +68,11 @@ struct Checker::Impl {
       const Eigen::Matrix2Xd& r = segment.position[static_cast<std::size_t>(robot)];
       const Coefficients x = bernstein::sum(r.row(0).transpose(), -displacement(place, segment.time, 0));
       const Coefficients y = bernstein::sum(r.row(1).transpose(), -displacement(place, segment.time, 1));
-      std::vector<Coefficients> sides;
+      std::vector<Bounded> sides;
       for (Eigen::Index k = 0; k < place.polytope.offsets.size(); ++k) {
         const double nx = place.polytope.normals(k, 0), ny = place.polytope.normals(k, 1);
-        sides.emplace_back(place.polytope.offsets[k] - nx * x.array() - ny * y.array());
+        sides.emplace_back(bernstein::sum(Coefficients::Constant(1, place.polytope.offsets[k]),
+                                          bernstein::sum(-nx * x, -ny * y)));
       }
       cached.push_back(std::move(sides));
     }
@@ -74,12 +94,9 @@ struct Checker::Impl {
     IntervalSet times;
     for (std::size_t k = 0; k < segments.size(); ++k) {
       IntervalSet set = formula.negated ? IntervalSet() : IntervalSet(0.0, 1.0);
-      for (const Coefficients& margin : all[k]) {
-        if (formula.negated) {
-          set = united(set, bernstein::nonnegative((-margin).array() - level));
-        } else {
-          set = intersected(set, bernstein::nonnegative(margin.array() - level));
-        }
+      for (const Bounded& margin : all[k]) {
+        set = formula.negated ? united(set, margin.at_least(-1.0, level))
+                              : intersected(set, margin.at_least(1.0, level));
       }
       append_times(segments[k], set, times);
     }
@@ -95,9 +112,12 @@ struct Checker::Impl {
     return formula.negated ? -value : value;
   }
 
-  double linear_scale(const Formula& formula) const {
-    double largest = 0.0;
-    for (const FormulaPtr& child : formula.children) largest = std::max(largest, linear_scale(*child));
+  // No predicate of the formula has a finite value that is larger.
+  double scale_of(const Formula& formula) const {
+    double largest = scale;
+    for (const FormulaPtr& child : formula.children) largest = std::max(largest, scale_of(*child));
+    if (beyond && formula.children.empty() && std::isfinite(beyond(formula)))
+      largest = std::max(largest, std::abs(beyond(formula)));
     if (formula.op != Op::kLinear) return largest;
     for (const Segment& segment : motion.segments())
       largest = std::max(largest, linear(formula, segment).cwiseAbs().maxCoeff());
@@ -124,19 +144,29 @@ Checker::Checker(const std::vector<Region>& regions, const Motion& motion) : imp
 Checker::~Checker() = default;
 Checker::Checker(Checker&&) noexcept = default;
 
+void Checker::assume_beyond(double until_s, std::function<double(const Formula&)> value) {
+  impl_->until_s = until_s;
+  impl_->beyond = std::move(value);
+}
+
 IntervalSet Checker::truth(const Formula& formula, double level) const {
-  const double from = impl_->motion.start_s(), to = impl_->motion.end_s();
+  const double from = impl_->motion.start_s(), end = impl_->motion.end_s(),
+               to = std::max(end, impl_->until_s);
   const auto child = [&](std::size_t i) { return truth(*formula.children[i], level); };
   switch (formula.op) {
     case Op::kTrue:
       return formula.negated ? IntervalSet() : IntervalSet(from, to);
-    case Op::kIn:
-      return impl_->membership(formula, level);
+    case Op::kIn: {
+      IntervalSet times = impl_->membership(formula, level);
+      if (to > end && impl_->beyond(formula) >= level) times.append(end, to);
+      return times;
+    }
     case Op::kLinear: {
       IntervalSet times;
       for (const Segment& segment : impl_->motion.segments())
         Impl::append_times(segment, bernstein::nonnegative(impl_->linear(formula, segment).array() - level),
                            times);
+      if (to > end && impl_->beyond(formula) >= level) times.append(end, to);
       return times;
     }
     case Op::kAnd: {
@@ -168,7 +198,7 @@ IntervalSet Checker::truth(const Formula& formula, double level) const {
 
 double Checker::robustness(const FormulaPtr& formula, double time_s) const {
   const FormulaPtr normal = normal_form(formula);
-  double high = std::max(impl_->scale, impl_->linear_scale(*normal)) + 1.0, low = -high;
+  double high = impl_->scale_of(*normal) + 1.0, low = -high;
   if (truth(*normal, high).contains(time_s)) return std::numeric_limits<double>::infinity();
   if (!truth(*normal, low).contains(time_s)) return -std::numeric_limits<double>::infinity();
   while (high - low > kResolution_m) {

@@ -26,7 +26,11 @@ struct Planner::Found {
 
 struct Planner::Search {
   Search(const Planner& planner, const Past* flown, const std::function<void(const Plan&)>& callback)
-      : spec(planner.spec_), solver(planner.solver_), clock(planner.clock_), past(flown), on_better(callback) {}
+      : spec(planner.spec_),
+        solver(planner.solver_),
+        clock(planner.clock_),
+        past(flown),
+        on_better(callback) {}
 
   const Specification& spec;
   MilpSolver& solver;
@@ -58,7 +62,8 @@ struct Planner::Search {
   }
 
   std::optional<Found> solve(const GridProblem& asked, double robustness_m, double limit_s) {
-    const GridEncoding encoding(asked, robustness_m, robustness_m);
+    GridEncoding encoding(asked, robustness_m, robustness_m);
+    encoding.add_smoothness();
     const MilpResult result = solver.solve(encoding.model(), limit_s);
     limited = limited || result.status == MilpStatus::kLimit;
     failed = failed || result.status == MilpStatus::kFailed;
@@ -157,7 +162,8 @@ struct Planner::Search {
     const double cost = smooth(found);
     if (cost == kUnbounded) return;
     publish(found, method, step_s);
-    if (spec.planner.time_robustness) return;  // polishing moves visits
+    // Polishing moves visits; and on the way a plan is wanted soon.
+    if (spec.planner.time_robustness || past != nullptr) return;
     polish(found, cost);
     publish(found, method, step_s);
   }
@@ -267,7 +273,7 @@ struct Planner::Search {
   }
 
   Plan run() {
-    best.bound_m = robustness_bound(spec, Scope::all(spec));
+    best.bound_m = robustness_bound(spec, Scope::all(spec), past);
     best.grid_bound_m = best.bound_m;
     const bool several = spec.robots.size() > 1;
     if (spec.planner.encoding == Encoding::kFreeTime && past == nullptr) {
@@ -301,7 +307,7 @@ Plan Planner::plan(const Past* past, const std::function<void(const Plan&)>& on_
   return Search(*this, past, on_better).run();
 }
 
-MilpStatus Planner::feasible(const Scope& scope, double robustness_m, double limit_s) {
+MilpStatus Planner::feasible(const Scope& scope, double robustness_m, double limit_s, bool coarsest_alone) {
   const double begin = clock_();
   bool limited = false;
   for (double step = spec_.planner.segment_s; step >= spec_.planner.min_segment_s * (1.0 - 1e-9);
@@ -311,10 +317,12 @@ MilpStatus Planner::feasible(const Scope& scope, double robustness_m, double lim
     problem.scope = scope;
     problem.knots = time_grid(spec_, step);
     problem.planned.assign(spec_.robots.size(), true);
-    const GridEncoding encoding(problem, robustness_m, robustness_m);
+    GridEncoding encoding(problem, robustness_m, robustness_m);
+    encoding.add_smoothness();
     const MilpResult result = solver_.solve(encoding.model(), limit_s - (clock_() - begin));
     if (result.has_solution()) return MilpStatus::kOptimal;
     limited = limited || result.status != MilpStatus::kInfeasible;
+    if (coarsest_alone) break;
   }
   return limited ? MilpStatus::kLimit : MilpStatus::kInfeasible;
 }

@@ -5,58 +5,64 @@
 
 namespace atmos::stl {
 
-namespace {
-
-// Bounds of a formula's robustness over all motions inside the workspace.
-double most(const Specification& spec, const std::vector<Eigen::Vector2d>& corners, const Formula& f) {
-  const auto child = [&](std::size_t i) { return most(spec, corners, *f.children[i]); };
-  switch (f.op) {
-    case Op::kTrue:
-      return f.negated ? -kUnbounded : kUnbounded;
-    case Op::kIn: {
-      const Region& region = spec.regions[static_cast<std::size_t>(f.region)];
-      if (!f.negated) return inscribed_disc(region.polytope).radius;
-      if (!region.path.empty()) return kUnbounded;
+double most_possible(const Specification& spec, const Formula& f) {
+  const std::vector<Eigen::Vector2d> corners = corners_of(spec.workspace);
+  if (f.op == Op::kTrue) return f.negated ? -kUnbounded : kUnbounded;
+  if (f.op == Op::kLinear) {
+    const double sign = f.negated ? -1.0 : 1.0;
+    double value = sign * f.constant;
+    for (const LinearTerm& term : f.terms) {
       double largest = -kUnbounded;
       for (const Eigen::Vector2d& corner : corners)
-        largest = std::max(largest, (region.polytope.normals * corner - region.polytope.offsets).maxCoeff());
-      return largest;
+        largest = std::max(largest, sign * term.coefficient * corner[term.axis]);
+      value += largest;
     }
-    case Op::kLinear: {
-      double value = f.constant * (f.negated ? -1.0 : 1.0);
-      for (const LinearTerm& term : f.terms) {
-        double largest = -kUnbounded;
-        const double coefficient = term.coefficient * (f.negated ? -1.0 : 1.0);
-        for (const Eigen::Vector2d& corner : corners)
-          largest = std::max(largest, coefficient * corner[term.axis]);
-        value += largest;
-      }
-      return value;
-    }
-    case Op::kOr: {
-      double largest = -kUnbounded;
-      for (std::size_t i = 0; i < f.children.size(); ++i) largest = std::max(largest, child(i));
-      return largest;
-    }
-    case Op::kRelease:
-      return child(1);
-    default: {
-      double least = kUnbounded;
-      for (std::size_t i = 0; i < f.children.size(); ++i) least = std::min(least, child(i));
-      return least;
-    }
+    return value;
   }
+  const Region& region = spec.regions[static_cast<std::size_t>(f.region)];
+  if (!f.negated) return inscribed_disc(region.polytope).radius;
+  // A moving region is out of the way at most as far as its path goes.
+  double largest = -kUnbounded, moved = 0.0;
+  for (const Region::PathPoint& point : region.path) moved = std::max(moved, point.displacement_m.norm());
+  for (const Eigen::Vector2d& corner : corners)
+    largest = std::max(largest, (region.polytope.normals * corner - region.polytope.offsets).maxCoeff());
+  return largest + moved;
+}
+
+double least_possible(const Specification& spec, const Formula& predicate) {
+  Formula opposite = predicate;
+  opposite.negated = !predicate.negated;
+  return -most_possible(spec, opposite);
+}
+
+namespace {
+
+// The most a formula's robustness can be over all motions inside the workspace.
+double most(const Specification& spec, const Formula& f) {
+  if (f.children.empty()) return most_possible(spec, f);
+  if (f.op == Op::kRelease) return most(spec, *f.children[1]);
+  double value = f.op == Op::kOr ? -kUnbounded : kUnbounded;
+  for (const FormulaPtr& child : f.children)
+    value = f.op == Op::kOr ? std::max(value, most(spec, *child)) : std::min(value, most(spec, *child));
+  return value;
 }
 
 }  // namespace
 
-double robustness_bound(const Specification& spec, const Scope& scope) {
-  const std::vector<Eigen::Vector2d> corners = corners_of(spec.workspace);
+double robustness_bound(const Specification& spec, const Scope& scope, const Past* past) {
+  std::optional<Checker> flown;
+  if (past != nullptr) {
+    flown.emplace(spec.regions, past->motion);
+    flown->assume_beyond(spec.horizon_s, [&spec](const Formula& f) { return most_possible(spec, f); });
+  }
   double bound = kUnbounded;
   for (std::size_t i = 0; i < spec.clauses.size(); ++i) {
-    if (scope.clauses[i]) bound = std::min(bound, most(spec, corners, *normal_form(spec.clauses[i].formula)));
+    if (!scope.clauses[i]) continue;
+    bound = std::min(bound, most(spec, *normal_form(spec.clauses[i].formula)));
+    if (flown) bound = std::min(bound, flown->robustness(spec.clauses[i].formula));
   }
   // Without a formula that says how much, more than the workspace is wide means nothing.
+  const std::vector<Eigen::Vector2d> corners = corners_of(spec.workspace);
   double width = 0.0;
   for (const Eigen::Vector2d& a : corners) {
     for (const Eigen::Vector2d& b : corners) width = std::max(width, (a - b).norm());

@@ -5,17 +5,20 @@
 
 #include "atmos_stl_planner/motion.h"
 #include "atmos_stl_planner/specification.h"
+#include "formulas.h"
 
 namespace atmos::stl {
 
-inline double grid(int low, int high, double step) { return step * *rc::gen::inRange(low, high + 1); }
+inline double grid(int low, int high, double step) { return step * draw(low, high + 1); }
 
-// Cubic segments of 1 to 3 s over [0, horizon], positions within 3 m. `free_time`: h is cubic too.
-inline Motion random_motion(std::size_t robots, int horizon_s, bool free_time) {
+// Cubic segments of 1 to 3 s over [0, horizon], the first one's positions within `reach` dm, each control
+// point that near to 0 or, `drift`, to the end of the segment before. `free_time`: h is cubic too.
+inline Motion random_motion(std::size_t robots, int horizon_s, bool free_time, int reach = 30,
+                            bool drift = false) {
   std::vector<Segment> segments;
   std::vector<Eigen::Vector2d> p(robots, Eigen::Vector2d::Zero());
   for (int t = 0; t < horizon_s;) {
-    const int length = std::min(horizon_s - t, *rc::gen::inRange(1, 4));
+    const int length = std::min(horizon_s - t, draw(1, 4));
     Segment segment;
     if (free_time) {
       const double low = grid(10, 20, 0.01), high = grid(10, 20, 0.01);
@@ -29,7 +32,9 @@ inline Motion random_motion(std::size_t robots, int horizon_s, bool free_time) {
     for (std::size_t i = 0; i < robots; ++i) {
       Eigen::Matrix2Xd r(2, 4);
       r.col(0) = p[i];
-      for (int k = 1; k < 4; ++k) r.col(k) << grid(-30, 30, 0.1), grid(-30, 30, 0.1);
+      const Eigen::Vector2d around = drift ? p[i] : Eigen::Vector2d::Zero();
+      for (int k = 1; k < 4; ++k)
+        r.col(k) << around.x() + grid(-reach, reach, 0.1), around.y() + grid(-reach, reach, 0.1);
       p[i] = r.col(3);
       segment.position.push_back(r);
     }

@@ -2,6 +2,7 @@
 // of Bernstein coefficients and isolated roots. Shares nothing with the encoders, so that it can judge them.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <memory>
 #include <string>
@@ -23,8 +24,12 @@ class Checker {
   ~Checker();
   Checker(Checker&&) noexcept;
 
+  // From the end of the motion to `until_s`, every predicate (in normal form) has the value that `value`
+  // gives it. What a formula can still become is found with the largest and the least that is possible.
+  void assume_beyond(double until_s, std::function<double(const Formula&)> value);
+
   // The times at which the robustness of a formula in normal form is at least `level`. Formulas that look
-  // beyond the end of the motion do not hold.
+  // beyond the end of the motion, and of what is assumed beyond it, do not hold.
   IntervalSet truth(const Formula& normal_formula, double level) const;
 
   // Robustness at `time_s`, m: a lower bound, at most 1e-8 below it.

@@ -78,8 +78,12 @@ class GridEncoding {
   std::unique_ptr<Impl> impl_;
 };
 
-// No plan can have more robustness than this, whatever the motion: from the sizes of workspace and regions,
-// m.
-double robustness_bound(const Specification& specification, const Scope& scope);
+// No predicate (in normal form) can have more or less than this in the workspace, at any time, m.
+double most_possible(const Specification& specification, const Formula& predicate);
+double least_possible(const Specification& specification, const Formula& predicate);
+
+// No plan can have more robustness than this, whatever the motion: from the sizes of workspace and regions
+// and from what was flown already, m.
+double robustness_bound(const Specification& specification, const Scope& scope, const Past* past = nullptr);
 
 }  // namespace atmos::stl

@@ -45,9 +45,9 @@ class Planner {
   // the way. `on_better` is called with every certified plan that is better than the one before it.
   Plan plan(const Past* past = nullptr, const std::function<void(const Plan&)>& on_better = {});
 
-  // A motion within the scope with that robustness on the coarsest grid that has one; certifies nothing.
-  // Used by diagnoses.
-  MilpStatus feasible(const Scope& scope, double robustness_m, double limit_s);
+  // Whether the scope has a motion with that robustness, on one of all grids or on the coarsest alone;
+  // certifies nothing. For diagnoses.
+  MilpStatus feasible(const Scope& scope, double robustness_m, double limit_s, bool coarsest_alone = false);
 
  private:
   struct Found;

@@ -73,12 +73,12 @@ enum class Encoding {
 
 struct PlannerSettings {
   Encoding encoding = Encoding::kTimeGrid;
-  double segment_s = 10.0;  // longest segment of the first, coarsest grid
+  double segment_s = 5.0;  // longest segment of the first, coarsest grid
   double min_segment_s = 2.5;
-  double min_robustness_m = 0.0;  // a plan with less is none
-  double time_limit_s = 30.0;     // wall clock, of the whole planning
-  bool time_robustness = false;   // maximised after space
-  bool prioritised = false;       // one robot after the other from the start, instead of as a fallback
+  double min_robustness_m = 0.01;  // a plan with less is none
+  double time_limit_s = 30.0;      // wall clock, of the whole planning
+  bool time_robustness = false;    // maximised after space
+  bool prioritised = false;        // one robot after the other from the start, instead of as a fallback
 };
 
 struct Specification {
