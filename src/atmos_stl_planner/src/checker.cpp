@@ -185,11 +185,8 @@ IntervalSet Checker::truth(const Formula& formula, double level) const {
       return intersected(always(child(0), formula.from_s, formula.to_s), {from, to});
     case Op::kUntil:
       return until(child(0), child(1), formula.from_s, formula.to_s);
-    case Op::kRelease: {
-      const IntervalSet broken =
-          until(complement(child(0), from, to), complement(child(1), from, to), formula.from_s, formula.to_s);
-      return complement(broken, from, to);
-    }
+    case Op::kRelease:
+      return release(child(0), child(1), formula.from_s, formula.to_s, from, to);
     case Op::kNot:
       break;
   }

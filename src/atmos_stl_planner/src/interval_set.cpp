@@ -92,4 +92,23 @@ IntervalSet until(const IntervalSet& hold, const IntervalSet& goal, double a, do
   return normalised(std::move(parts));
 }
 
+IntervalSet release(const IntervalSet& freed, const IntervalSet& duty, double a, double b, double begin,
+                    double end) {
+  std::vector<Interval> parts = freed.parts();
+  const auto add = [&parts](double from, double to) {
+    if (from <= to) parts.push_back({from, to});
+  };
+  const IntervalSet gaps = complement(freed, begin, end);
+  for (const Interval& gap : gaps.parts()) {
+    const bool ends = freed.contains(gap.to);
+    if (ends) add(std::max(gap.from, gap.to - a), gap.to);  // freed before the duty begins
+    for (const Interval& kept : duty.parts()) {
+      const double from = std::max(gap.from, kept.from - a);
+      add(from, std::min(gap.to, kept.to - b));
+      if (ends && gap.to <= kept.to) add(from, gap.to);  // the duty is kept until freed
+    }
+  }
+  return normalised(std::move(parts));
+}
+
 }  // namespace atmos::stl

@@ -195,6 +195,17 @@ double instantaneous(const Specification& spec, const Formula& f, double time_s,
   }
 }
 
+double demand_now(const Specification& spec, double time_s, const Points& p) {
+  double least = kInfinite;
+  for (const Clause& clause : spec.clauses) {
+    const FormulaPtr formula = normal_form(clause.formula);
+    const bool asked = formula->op == Op::kAlways && time_s >= formula->from_s && time_s <= formula->to_s;
+    if (asked && is_instantaneous(*formula->children[0]))
+      least = std::min(least, instantaneous(spec, *formula->children[0], time_s, p));
+  }
+  return least;
+}
+
 struct Monitor::Impl {
   explicit Impl(const Specification& specification) : spec(specification) {
     for (const Clause& clause : spec.clauses) formulas.push_back(normal_form(clause.formula));

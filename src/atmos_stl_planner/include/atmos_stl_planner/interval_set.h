@@ -39,4 +39,8 @@ IntervalSet always(const IntervalSet& set, double a, double b);
 // { t : some tau in [t+a, t+b] is in `goal` and all of [t, tau] is in `hold` }
 IntervalSet until(const IntervalSet& hold, const IntervalSet& goal, double a, double b);
 
+// { t in [begin, end] : every tau in [t+a, t+b] is in `duty`, or some time in [t, tau] is in `freed` }
+IntervalSet release(const IntervalSet& freed, const IntervalSet& duty, double a, double b, double begin,
+                    double end);
+
 }  // namespace atmos::stl

@@ -44,4 +44,9 @@ class Monitor {
 double instantaneous(const Specification& specification, const Formula& formula, double time_s,
                      const std::vector<Eigen::Vector2d>& p_WB);
 
+// The least robustness of what the always clauses ask for at this time; infinite where none does. The curve
+// over time of the paper's figures.
+double demand_now(const Specification& specification, double time_s,
+                  const std::vector<Eigen::Vector2d>& p_WB);
+
 }  // namespace atmos::stl
