@@ -126,6 +126,14 @@ TEST_F(OverheadCamera, WhatIsNotInThePictureIsNotSeen) {
   EXPECT_TRUE(see(renderer, {{0.0, 0.0}, 0.0}, fit));
 }
 
+TEST_F(OverheadCamera, PicturesOfAnySizeAreTaken) {
+  const std::vector<std::uint8_t> grey(64 * 64, 128);
+  for (int height = 1; height <= 64; height = 2 * height + 1) {
+    for (int width = 1; width <= 64; width = 2 * width + 1)
+      EXPECT_TRUE(detector.detect({width, height, grey.data(), 64}).empty()) << width << " x " << height;
+  }
+}
+
 TEST_F(OverheadCamera, AFitThatDoesNotFitIsRefused) {
   Renderer renderer(emulator.renderer);
   auto detected = detector.detect(renderer.render({BoardPose{{0.0, 0.0}, 0.0}}));

@@ -28,7 +28,11 @@ std::vector<DetectedMarker> MarkerDetector::detect(const GrayImage& image) const
   const cv::Mat view(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data), image.step);
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(view, impl_->dictionary, corners, ids, impl_->parameters);
+  try {
+    cv::aruco::detectMarkers(view, impl_->dictionary, corners, ids, impl_->parameters);
+  } catch (const cv::Exception&) {
+    return {};  // a picture too small for the detector's windows shows nothing
+  }
   std::vector<DetectedMarker> markers;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     DetectedMarker marker;
