@@ -63,7 +63,13 @@ std::vector<double> log_deviations(const std::vector<Flight>& flights, const Noi
   return sums;
 }
 
-// Negative log likelihood of every block when the parameters are fitted without it.
+double half_log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  return factor.matrixLLT().diagonal().array().log().sum();
+}
+
+// Negative log likelihood of every block when the parameters are known from the others alone, as well as
+// those determine them: what a map says of a place that no other block visits is little, and is not held
+// against it.
 std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const std::vector<Block>& blocks) {
   const auto n = static_cast<Eigen::Index>(fit.free.size());
   std::vector<double> loss = log_deviations(*problem.flights, fit.noise, blocks);
@@ -72,15 +78,19 @@ std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const 
       loss[k] += 0.5 * rows(fit.innovations[blocks[k].flight], blocks[k]).squaredNorm();
     return loss;
   }
-  const std::vector<Eigen::MatrixXd> J = jacobians(problem, fit, fit.free);
-  Eigen::MatrixXd H = prior_precision(fit.free);
-  for (const Eigen::MatrixXd& j : J) H.noalias() += j.transpose() * j;
+  const std::shared_ptr<const Linearisation> linearisation = linearisation_of(problem, fit);
+  const std::vector<Eigen::MatrixXd>& J = linearisation->columns;
+  const Eigen::MatrixXd H = prior_precision(fit.free) + linearisation->information;
+  const Eigen::LLT<Eigen::MatrixXd> all(H);
   in_parallel(blocks.size(), [&](std::size_t k) {
     const Eigen::MatrixXd j = rows(J[blocks[k].flight], blocks[k]);
     const Eigen::VectorXd e = rows(fit.innovations[blocks[k].flight], blocks[k]);
-    const Eigen::MatrixXd without = H - j.transpose() * j;
-    const Eigen::VectorXd moved = without.ldlt().solve(j.transpose() * e);
-    loss[k] += 0.5 * (e + j * moved).squaredNorm();
+    const Eigen::LLT<Eigen::MatrixXd> others(H - j.transpose() * j);
+    const Eigen::VectorXd left = e + j * others.solve(j.transpose() * e);
+    // Of N(0, I + j P j') with P the inverse of what the others know, by the matrix inversion lemma.
+    const Eigen::VectorXd v = j.transpose() * left;
+    loss[k] += 0.5 * (left.squaredNorm() - v.dot(all.solve(v))) + half_log_determinant(all) -
+               half_log_determinant(others);
   });
   return loss;
 }

@@ -19,13 +19,15 @@ std::string unit_of(const std::string& kind, const std::string& parameter) {
   return "";
 }
 
+bool claims(const Fit& final, const std::string& kind) {
+  return std::any_of(final.effects.begin(), final.effects.end(),
+                     [&](const Effect& effect) { return kind_of(effect) == kind; });
+}
+
 // The final model without free parameters of one kind: nothing of that kind explains itself away.
 Fit beside_others(const Fit& final, const std::string& kind) {
   Fit base = final;
-  base.free.erase(
-      std::remove_if(base.free.begin(), base.free.end(),
-                     [&](const FreeParameter& free) { return kind_of(final.effects[free.effect]) == kind; }),
-      base.free.end());
+  base.hold([&](const FreeParameter& free) { return kind_of(final.effects[free.effect]) == kind; });
   return base;
 }
 
@@ -63,12 +65,16 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
   double flown = 0.0;
   for (const Flight& flight : *problem.flights) flown += flight.recording().duration_s();
 
-  std::map<std::string, std::vector<Hypothesis>> by_kind;
+  // What is not claimed stands beside the final model; a claimed kind beside what else it holds.
+  std::map<std::string, std::vector<Hypothesis>> asked;
+  const auto ask = [&](Hypothesis hypothesis) {
+    asked[claims(final, hypothesis.kind) ? hypothesis.kind : ""].push_back(std::move(hypothesis));
+  };
   for (Hypothesis hypothesis : library) {
     if (hypothesis.kind == Unmodelled::kKind) continue;
     hypothesis.starts = {hypothesis.starts[hypothesis.starts.size() / 2]};
     hypothesis.onsets = 0.0;
-    by_kind[hypothesis.kind].push_back(hypothesis);
+    ask(std::move(hypothesis));
   }
   Hypothesis vibration;
   vibration.kind = FloorVibration::kKind;
@@ -77,7 +83,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
   swing.frequency_hz = 1.0;
   vibration.starts = {{swing, {}}};
   vibration.penalty = std::log(50.0 * flown);  // every frequency that the flights resolve
-  by_kind[vibration.kind] = {vibration};
+  ask(std::move(vibration));
 
   std::map<std::string, Detectable> smallest;
   const auto offer = [&](const std::string& kind, const std::string& parameter, double value) {
@@ -85,9 +91,10 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
     if (!std::isfinite(value) || (!best.parameter.empty() && best.value <= value)) return;
     best = {parameter, value, unit_of(kind, parameter)};
   };
-  for (const auto& [kind, hypotheses] : by_kind) {
-    for (const Screened& screened : screen(problem, beside_others(final, kind), hypotheses)) {
+  for (const auto& [claimed, hypotheses] : asked) {
+    for (const Screened& screened : screen(problem, beside_others(final, claimed), hypotheses)) {
       const Hypothesis& hypothesis = *screened.hypothesis;
+      const std::string& kind = hypothesis.kind;
       const double nats = accept_gain + hypothesis.penalty;
       if (hypothesis.map) {
         offer(kind, screened.start.linear.front(),

@@ -221,9 +221,9 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
     for (const auto& set : gauges()) {
       if (set.front() == claim.hypothesis.kind) same.assign(set.begin() + 1, set.end());
     }
-    // Rivals that did as well at the same step, within 3 nats.
+    const double near_nats = indistinct(claim.rival_reference);
     for (const Tried& rival : claim.rivals) {
-      const bool near = claim.rival_reference - rival.gain < 3.0;
+      const bool near = claim.rival_reference - rival.gain < near_nats;
       if (near && rival.hypothesis.kind != claim.hypothesis.kind &&
           std::find(same.begin(), same.end(), rival.hypothesis.kind) == same.end())
         same.push_back(rival.hypothesis.kind);

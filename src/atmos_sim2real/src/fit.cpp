@@ -60,6 +60,7 @@ Bounds bounds_of(const std::vector<Effect>& effects, const FreeParameter& free) 
         });
       },
       effects[free.effect]);
+  bounds.min = std::max(bounds.min, free.least);
   return bounds;
 }
 
@@ -172,6 +173,13 @@ bool acts_from_outside(const Effect& effect) {
          std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FloorVibration>(effect);
 }
 
+// Of those, what changes over the few millimetres of motion between frames not at all, or little.
+bool acts_slowly(const Effect& effect) {
+  if (const Unmodelled* law = std::get_if<Unmodelled>(&effect)) return changes_slowly(*law);
+  return acts_from_outside(effect) && !std::holds_alternative<ExternalImpulse>(effect) &&
+         !std::holds_alternative<FloorVibration>(effect);
+}
+
 // Where the centre of mass must be for one node of a map to push.
 Reach reach_of_node(const Effect& map, std::size_t node, const Vehicle& vehicle) {
   const auto around = [&](const Grid& grid, const GridRows& rows) {
@@ -200,9 +208,10 @@ Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const s
       if (shapes_response(other)) acting.push_back(other);
     }
   }
+  const bool slow = acts_slowly(effect);
   acting.push_back(effect);
-  ForceIntegrals forces =
-      flight.integrate(Plant(coasting, std::move(acting), flight.recording().start_s()), nullptr, reach);
+  const Plant plant(coasting, std::move(acting), flight.recording().start_s());
+  ForceIntegrals forces = slow ? flight.integrate_slow(plant, reach) : flight.integrate(plant);
   for (auto& measured : forces.measured) std::fill(measured.begin(), measured.end(), 0.0);
   return innovations(flight, forces, noise);
 }
@@ -239,8 +248,9 @@ Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::ve
   return sum;
 }
 
+// `own_at`: the effect's own motion at `at`, where it is known.
 Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
-                       const FreeParameter& free, std::size_t f) {
+                       const FreeParameter& free, std::size_t f, const Eigen::VectorXd* own_at = nullptr) {
   std::vector<Effect> moved = at.effects;
   if (free.linear) {
     std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, moved[free.effect]);
@@ -252,10 +262,12 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
   // Step away from the nearer bound.
   const double step = value + free.step > bounds_of(moved, free).max ? -free.step : free.step;
   value += step;
-  if (acts_from_outside(moved[free.effect]))
-    return (own_motion(problem, moved[free.effect], at.effects, f, at.noise) -
-            own_motion(problem, at.effects[free.effect], at.effects, f, at.noise)) /
-           step;
+  if (acts_from_outside(moved[free.effect])) {
+    Eigen::VectorXd change = own_motion(problem, moved[free.effect], at.effects, f, at.noise);
+    change -=
+        own_at != nullptr ? *own_at : own_motion(problem, at.effects[free.effect], at.effects, f, at.noise);
+    return change / step;
+  }
   const Flight& flight = (*problem.flights)[f];
   const ForceIntegrals forces = flight.integrate(problem.plant(moved, f));
   return (innovations(flight, forces, at.noise) - innovations_at) / step;
@@ -275,12 +287,24 @@ Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Eff
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight) {
   Eigen::MatrixXd columns(innovations_at.size(), static_cast<Eigen::Index>(free.size()));
+  const Effect& effect = at.effects[free.front().effect];
+  Eigen::VectorXd own;
+  if (acts_from_outside(effect) && !free.front().linear)
+    own = own_motion(problem, effect, at.effects, flight, at.noise);
   for (std::size_t p = 0; p < free.size(); ++p)
-    columns.col(static_cast<Eigen::Index>(p)) = column(problem, at, innovations_at, free[p], flight);
+    columns.col(static_cast<Eigen::Index>(p)) =
+        column(problem, at, innovations_at, free[p], flight, own.size() > 0 ? &own : nullptr);
   return columns;
 }
 
 namespace {
+
+std::vector<Eigen::MatrixXd> empty_columns(const Fit& fit) {
+  std::vector<Eigen::MatrixXd> columns;
+  for (const Eigen::VectorXd& innovations : fit.innovations)
+    columns.emplace_back(innovations.size(), static_cast<Eigen::Index>(fit.free.size()));
+  return columns;
+}
 
 // Recomputes the columns that `which` names, in place.
 template <class Which>
@@ -299,14 +323,33 @@ void fill_columns(const Problem& problem, const Fit& at, const std::vector<FreeP
 
 }  // namespace
 
-std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
-                                       const std::vector<FreeParameter>& free) {
-  std::vector<Eigen::MatrixXd> columns;
-  for (const Eigen::VectorXd& innovations : at.innovations)
-    columns.emplace_back(innovations.size(), static_cast<Eigen::Index>(free.size()));
+std::shared_ptr<const Linearisation> linearisation_of(const Problem& problem, const Fit& fit) {
+  if (fit.linearisation != nullptr) return fit.linearisation;
+  auto made = std::make_shared<Linearisation>();
+  made->columns = empty_columns(fit);
   fill_columns(
-      problem, at, free, [](const FreeParameter&) { return true; }, columns);
-  return columns;
+      problem, fit, fit.free, [](const FreeParameter&) { return true; }, made->columns);
+  made->information = information(made->columns, fit.free, nullptr);
+  return made;
+}
+
+void Fit::hold(const std::function<bool(const FreeParameter&)>& held) {
+  std::vector<Eigen::Index> kept;
+  std::vector<FreeParameter> left;
+  for (std::size_t p = 0; p < free.size(); ++p) {
+    if (held(free[p])) continue;
+    kept.push_back(static_cast<Eigen::Index>(p));
+    left.push_back(free[p]);
+  }
+  if (left.size() == free.size()) return;
+  free = std::move(left);
+  if (covariance.size() > 0) covariance = Eigen::MatrixXd(covariance(kept, kept));
+  if (linearisation == nullptr) return;
+  auto fewer = std::make_shared<Linearisation>();
+  for (const Eigen::MatrixXd& all : linearisation->columns)
+    fewer->columns.emplace_back(all(Eigen::all, kept));
+  fewer->information = linearisation->information(kept, kept);
+  linearisation = std::move(fewer);
 }
 
 Fit refine(const Problem& problem, Fit current, int iterations) {
@@ -314,15 +357,12 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
   Eigen::MatrixXd H, data;
-  std::vector<Eigen::MatrixXd> J;
+  std::vector<Eigen::MatrixXd> J = empty_columns(current);
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
-    if (iteration == 0) {
-      J = jacobians(problem, current, current.free);
-    } else {
-      fill_columns(
-          problem, current, current.free, [](const FreeParameter& f) { return !f.linear; }, J);
-    }
+    fill_columns(
+        problem, current, current.free,
+        [&](const FreeParameter& free) { return iteration == 0 || !free.linear; }, J);
     data = information(J, current.free, iteration == 0 ? nullptr : &data);
     H = prior + data;
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
@@ -381,7 +421,15 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
     current.covariance.row(p) *= ratio;
     current.covariance.col(p) *= ratio;
   }
+  current.linearisation = std::make_shared<const Linearisation>(Linearisation{std::move(J), std::move(data)});
   return current;
+}
+
+void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
+                double looseness) {
+  in_parallel(problem.flights->size(), [&](std::size_t f) {
+    (*problem.flights)[f].smooth(problem.plant(effects, f), noise, looseness);
+  });
 }
 
 NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& start,

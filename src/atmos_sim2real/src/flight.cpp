@@ -176,24 +176,59 @@ Path Flight::make_path(const Plant& plant, const Path::Key& key) const {
   return path;
 }
 
-ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame,
-                                 const Reach* reach) const {
+namespace {
+
+ForceIntegrals at_rest(const Path& path) {
+  ForceIntegrals out;
+  out.measured = path.measured;
+  for (int axis = 0; axis < kAxes; ++axis) {
+    out.dv[axis].assign(path.measured[axis].size(), 0.0);
+    out.dp[axis].assign(path.measured[axis].size(), 0.0);
+  }
+  return out;
+}
+
+void add(const Path::Step& step, const PlanarAcceleration<double>& body, ForceIntegrals& out) {
+  const double dv[kAxes] = {body.a_WC.x() * step.dt, body.a_WC.y() * step.dt,
+                            body.yaw_acceleration * step.dt};
+  for (int axis = 0; axis < kAxes; ++axis) {
+    out.dv[axis][step.frame] += dv[axis];
+    out.dp[axis][step.frame] += dv[axis] * step.to_next;
+  }
+}
+
+}  // namespace
+
+ForceIntegrals Flight::integrate_slow(const Plant& plant, const Reach* reach) const {
+  constexpr double kHold = 0.04;  // s: a few millimetres of motion
+  const std::shared_ptr<const Path> along = path(plant);
+  const std::vector<Path::Step>& steps = along->steps;
+  ForceIntegrals out = at_rest(*along);
+  const VecX<double> hidden = plant.initial_hidden();
+  PlantRate<double> rate;
+  for (std::size_t begin = 0, end = 0; begin < steps.size(); begin = end) {
+    while (end < steps.size() && steps[end].middle_s - steps[begin].middle_s < kHold) ++end;
+    const Path::Step& middle = steps[(begin + end) / 2];
+    if (middle.to_next < 0.0 || (reach != nullptr && (middle.state.p_WC - reach->center_m).squaredNorm() >
+                                                         reach->radius_m * reach->radius_m))
+      continue;
+    plant.rate(middle.middle_s, middle.state, hidden, along->openings[middle.openings], rate);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (steps[i].to_next >= 0.0) add(steps[i], rate.body, out);
+    }
+  }
+  return out;
+}
+
+ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame) const {
   const std::size_t n = frames();
   const std::shared_ptr<const Path> along = path(plant);
-  ForceIntegrals out;
-  out.measured = along->measured;
-  for (int axis = 0; axis < kAxes; ++axis) {
-    out.dv[axis].assign(n, 0.0);
-    out.dp[axis].assign(n, 0.0);
-  }
+  ForceIntegrals out = at_rest(*along);
   VecX<double> hidden = plant.initial_hidden(), half = hidden;
   const bool evolves = hidden.size() > 1;
   if (hidden_at_frame != nullptr) hidden_at_frame->assign(n, hidden);
   PlantRate<double> rate;
   for (const Path::Step& step : along->steps) {
-    if (reach != nullptr &&
-        (step.state.p_WC - reach->center_m).squaredNorm() > reach->radius_m * reach->radius_m)
-      continue;
     const VecX<double>& openings = along->openings[step.openings];
     plant.rate(step.middle_s, step.state, hidden, openings, rate);
     if (evolves) {
@@ -204,13 +239,7 @@ ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* 
     hidden += step.dt * rate.hidden;
     const bool before_first = step.to_next < 0.0;
     if (hidden_at_frame != nullptr) (*hidden_at_frame)[before_first ? 0 : step.frame + 1] = hidden;
-    if (before_first) continue;
-    const double dv[kAxes] = {rate.body.a_WC.x() * step.dt, rate.body.a_WC.y() * step.dt,
-                              rate.body.yaw_acceleration * step.dt};
-    for (int axis = 0; axis < kAxes; ++axis) {
-      out.dv[axis][step.frame] += dv[axis];
-      out.dp[axis][step.frame] += dv[axis] * step.to_next;
-    }
+    if (!before_first) add(step, rate.body, out);
   }
   return out;
 }

@@ -94,50 +94,125 @@ Hypothesis attraction(const Box& floor) {
   return hypothesis;
 }
 
+// A force or torque of which nothing is known but that it changes smoothly with time, as a sum of bells.
+Hypothesis wandering(const std::string& name, double duration_s, double spacing, const Coefficient& along_x,
+                     const Coefficient& along_y, const Coefficient& about_z) {
+  std::string formulas[3];
+  std::vector<Coefficient> coefficients;
+  const Coefficient* const axes[3] = {&along_x, &along_y, &about_z};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axes[axis]->unit.empty()) {
+      formulas[axis] = "0";
+      continue;
+    }
+    int bell = 10;  // two digits: coefficients are in alphabetical order
+    for (double middle = 0.0; middle < duration_s + 0.5 * spacing; middle += spacing, ++bell) {
+      const std::string coefficient = axes[axis]->name + std::to_string(bell);
+      coefficients.push_back({coefficient, axes[axis]->unit, axes[axis]->width});
+      formulas[axis] += (formulas[axis].empty() ? "" : " + ") + coefficient + "*exp(-((t - " + text(middle) +
+                        ")/" + text(spacing) + ")^2)";
+    }
+  }
+  Hypothesis hypothesis = law(name, formulas[0], formulas[1], formulas[2], coefficients);
+  hypothesis.map = true;
+  return hypothesis;
+}
+
+// What two valves do to the body only while both are open: jets that meet, a shared feed.
+std::vector<Hypothesis> valve_pairs(const Vehicle& vehicle) {
+  std::vector<Hypothesis> all;
+  const int n = static_cast<int>(vehicle.thrusters.size());
+  for (int i = 1; i <= n; ++i) {
+    for (int j = i + 1; j <= n; ++j) {
+      const std::string both = "u" + std::to_string(i) + "*u" + std::to_string(j);
+      all.push_back(law("a push that comes while valves " + std::to_string(i) + " and " + std::to_string(j) +
+                            " are both open",
+                        both + "*(a*cos(yaw) - b*sin(yaw))", both + "*(a*sin(yaw) + b*cos(yaw))", both + "*c",
+                        {{"a", "N", 0.2}, {"b", "N", 0.2}, {"c", "N m", 0.03}}));
+    }
+  }
+  for (Hypothesis& pair : all) pair.penalty = kStrangerPrice + std::log(static_cast<double>(all.size()));
+  return all;
+}
+
 }  // namespace
 
 std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& flights) {
   double duration = 1.0;
   for (const Flight& flight : flights) duration = std::max(duration, flight.recording().duration_s());
   const double force = 0.05, torque = 5e-3;  // N, N m: what is plausible of a cause nobody thought of
-  std::vector<Hypothesis> all = {
-      law("a force that turns with the body", "a*cos(yaw) - b*sin(yaw)", "a*sin(yaw) + b*cos(yaw)", "0",
-          {{"a", "N", force}, {"b", "N", force}}),
-      law("a force that grows with time", "a*t", "b*t", "0",
-          {{"a", "N/s", 2.0 * force / duration}, {"b", "N/s", 2.0 * force / duration}}),
-      law("a force across the velocity", "-a*vy", "a*vx", "0", {{"a", "N s/m", 0.4}}),
-      law("a force across the velocity that grows with the spin", "-a*yaw_rate*vy", "a*yaw_rate*vx", "0",
-          {{"a", "N s^2/m", 1.0}}),
-      law("a drag that differs along x and y", "-a*vx", "-b*vy", "0",
-          {{"a", "N s/m", 0.4}, {"b", "N s/m", 0.4}}),
-      law("a drag that grows with the cube of the speed", "-a*(vx^2 + vy^2)*vx", "-a*(vx^2 + vy^2)*vy", "0",
-          {{"a", "N s^3/m^3", 10.0}}),
-      law("a force that changes linearly over the floor", "a + b*x + c*y", "d + e*x + f*y", "0",
-          {{"a", "N", force},
-           {"b", "N/m", force},
-           {"c", "N/m", force},
-           {"d", "N", force},
-           {"e", "N/m", force},
-           {"f", "N/m", force}}),
-      attraction(visited(flights)),
-      law("a steady torque", "0", "0", "a", {{"a", "N m", torque}}),
-      law("a torque that grows with time", "0", "0", "a*t", {{"a", "N m/s", 2.0 * torque / duration}}),
-      law("a torque that depends on the heading", "0", "0", "a*cos(yaw) + b*sin(yaw)",
-          {{"a", "N m", torque}, {"b", "N m", torque}}),
-      law("a torque that depends on twice the heading", "0", "0", "a*cos(2*yaw) + b*sin(2*yaw)",
-          {{"a", "N m", torque}, {"b", "N m", torque}}),
-      law("a torque that depends on the place", "0", "0", "a + b*x + c*y",
-          {{"a", "N m", torque}, {"b", "N", torque}, {"c", "N", torque}}),
-      law("a torque against the square of the spin", "0", "0", "-a*yaw_rate*abs(yaw_rate)",
-          {{"a", "N m s^2", 0.05}}),
-      thrust_law(vehicle, "a thrust that changes with time", "a*t", {{"a", "1/s", 0.3 / duration}}),
-      thrust_law(vehicle, "a thrust that changes with the speed", "a*sqrt(vx^2 + vy^2)", {{"a", "s/m", 1.0}}),
-  };
   const std::string open = sum_of_openings(vehicle, [](const PlanarThruster& t) { return 1.0 / t.force_n; });
-  all.push_back(thrust_law(vehicle, "a thrust that changes with the square of the other open valves",
-                           "a*(" + open + " - 1)^2", {{"a", "1", 0.03}}));
-  for (Hypothesis& hypothesis : all)
-    hypothesis.penalty = kStrangerPrice + std::log(static_cast<double>(all.size()));
+  const std::pair<std::string, std::string> body = {"(a*cos(yaw) - b*sin(yaw))", "(a*sin(yaw) + b*cos(yaw))"};
+  const std::string speed = "sqrt(vx^2 + vy^2)";
+  const std::string along = "(vx*cos(yaw) + vy*sin(yaw))", across = "(vy*cos(yaw) - vx*sin(yaw))";
+  const double slope = 2.0 / duration;                  // 1/s: from nothing to twice the plausible
+  const double brisk = std::max(6.0, duration / 16.0);  // s
+  const auto push = [](const std::string& name, const std::pair<std::string, std::string>& forces,
+                       const std::vector<Coefficient>& coefficients) {
+    return law(name, forces.first, forces.second, "0", coefficients);
+  };
+  const auto turn = [](const std::string& name, const std::string& formula,
+                       const std::vector<Coefficient>& coefficients) {
+    return law(name, "0", "0", formula, coefficients);
+  };
+  std::vector<Hypothesis> all = {
+      push("a force that turns with the body", body, {{"a", "N", force}, {"b", "N", force}}),
+      push("a force that turns with the body and comes with every open valve",
+           {body.first + "*(" + open + ")", body.second + "*(" + open + ")"},
+           {{"a", "N", 0.3 * force}, {"b", "N", 0.3 * force}}),
+      push("a force that grows with time", {"a*t", "b*t"},
+           {{"a", "N/s", slope * force}, {"b", "N/s", slope * force}}),
+      push("a force across the velocity", {"-a*vy", "a*vx"}, {{"a", "N s/m", 0.4}}),
+      push("a force across the velocity that grows with the spin", {"-a*yaw_rate*vy", "a*yaw_rate*vx"},
+           {{"a", "N s^2/m", 1.0}}),
+      push("a drag that differs along x and y", {"-a*vx", "-b*vy"},
+           {{"a", "N s/m", 0.4}, {"b", "N s/m", 0.4}}),
+      push("a drag that differs along and across the body",
+           {"-a*" + along + "*cos(yaw) + b*" + across + "*sin(yaw)",
+            "-a*" + along + "*sin(yaw) - b*" + across + "*cos(yaw)"},
+           {{"a", "N s/m", 0.4}, {"b", "N s/m", 0.4}}),
+      push("a drag that grows with the cube of the speed", {"-a*(vx^2 + vy^2)*vx", "-a*(vx^2 + vy^2)*vy"},
+           {{"a", "N s^3/m^3", 10.0}}),
+      push("a force that changes linearly over the floor", {"a + b*x + c*y", "d + e*x + f*y"},
+           {{"a", "N", force},
+            {"b", "N/m", force},
+            {"c", "N/m", force},
+            {"d", "N", force},
+            {"e", "N/m", force},
+            {"f", "N/m", force}}),
+      attraction(visited(flights)),
+      turn("a steady torque", "a", {{"a", "N m", torque}}),
+      turn("a torque that grows with time", "a*t", {{"a", "N m/s", slope * torque}}),
+      turn("a torque that depends on the heading", "a*cos(yaw) + b*sin(yaw)",
+           {{"a", "N m", torque}, {"b", "N m", torque}}),
+      turn("a torque that depends on twice the heading", "a*cos(2*yaw) + b*sin(2*yaw)",
+           {{"a", "N m", torque}, {"b", "N m", torque}}),
+      turn("a torque that depends on the place", "a + b*x + c*y",
+           {{"a", "N m", torque}, {"b", "N", torque}, {"c", "N", torque}}),
+      turn("a torque that comes with motion along and across the body", "a*" + along + " + b*" + across,
+           {{"a", "N s", 10.0 * torque}, {"b", "N s", 10.0 * torque}}),
+      turn("a torque against the square of the spin", "-a*yaw_rate*abs(yaw_rate)", {{"a", "N m s^2", 0.05}}),
+      turn("a torque that comes with every open valve", "a*(" + open + ")", {{"a", "N m", torque}}),
+      thrust_law(vehicle, "a thrust that changes with time", "a*t", {{"a", "1/s", 0.3 / duration}}),
+      thrust_law(vehicle, "a thrust that changes with the speed", "a*" + speed, {{"a", "s/m", 1.0}}),
+      thrust_law(vehicle, "a thrust that changes with the square of the other open valves",
+                 "a*(" + open + " - 1)^2", {{"a", "1", 0.03}}),
+      wandering("a force that wanders with time", duration, brisk, {"a", "N", force}, {"b", "N", force}, {}),
+      wandering("a force that drifts with time", duration, 3.0 * brisk, {"a", "N", force}, {"b", "N", force},
+                {}),
+      wandering("a torque that wanders with time", duration, brisk, {}, {}, {"c", "N m", torque}),
+      wandering("a torque that drifts with time", duration, 3.0 * brisk, {}, {}, {"c", "N m", torque}),
+  };
+  for (const double fading : {5.0, 15.0, 45.0}) {  // s: what relaxes does so exponentially
+    const std::string left = "exp(-t/" + text(fading) + ")";
+    all.push_back(push("a force that fades within " + text(fading) + " s", {"a*" + left, "b*" + left},
+                       {{"a", "N", 2.0 * force}, {"b", "N", 2.0 * force}}));
+    all.push_back(
+        turn("a torque that fades within " + text(fading) + " s", "a*" + left, {{"a", "N m", 2.0 * torque}}));
+  }
+  const double choices = std::log(static_cast<double>(all.size()));
+  for (Hypothesis& hypothesis : all) hypothesis.penalty = kStrangerPrice + choices;
+  for (Hypothesis& pair : valve_pairs(vehicle)) all.push_back(std::move(pair));
   return all;
 }
 
@@ -148,6 +223,15 @@ Hypothesis swinging_torque(double frequency_hz, double penalty) {
   hypothesis.local = true;
   hypothesis.penalty = kStrangerPrice + penalty;
   return hypothesis;
+}
+
+bool changes_slowly(const Unmodelled& law) {
+  if (depends_on_valves(law)) return false;
+  // Only an oscillation is fast: its phase is a product with t, in parentheses.
+  for (const std::string* formula : {&law.force_x_n, &law.force_y_n, &law.torque_n_m}) {
+    if (formula->find("*t)") != std::string::npos) return false;
+  }
+  return true;
 }
 
 bool depends_on_valves(const Unmodelled& law) {

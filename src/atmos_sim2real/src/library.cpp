@@ -224,7 +224,9 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   rise.free = {free_scalar("time_constant_s", 0.0, 0.03, 5e-4)};
   all.push_back(rise);
 
+  // A supply gives no more to many valves than to one, and no more out of an emptier bottle.
   all.push_back(simple(SupplyCoupling{}, {free_scalar("fraction_per_open_thruster", 0.0, 0.08, 1e-4)}));
+  all.back().free.front().least = 0.0;
   Hypothesis droop;
   droop.kind = SupplyDroop::kKind;
   for (const double recovery : {0.1, 0.3, 1.0, 3.0, 10.0}) {
@@ -235,6 +237,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   droop.free = {free_scalar("loss_per_s", 0.0, 0.4, 1e-3), free_scalar("recovery_s", 1.0, 2.0, 1e-2)};
   all.push_back(droop);
   all.push_back(simple(PressureDecay{}, {free_scalar("fraction_per_kg", 0.0, 0.6, 1e-3)}));
+  all.back().free.front().least = 0.0;
 
   all.push_back(simple(MassError{}, {free_scalar("factor", 1.0, 0.12, 1e-3)}));
   all.push_back(simple(InertiaError{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));

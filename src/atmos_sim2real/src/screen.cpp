@@ -29,17 +29,36 @@ namespace {
 
 // Base columns in information form, so that a candidate costs one Schur complement.
 struct Base {
-  std::vector<Eigen::MatrixXd> J;
-  Eigen::LDLT<Eigen::MatrixXd> information;
+  std::shared_ptr<const Linearisation> linearisation;  // none without free parameters
+  Eigen::LDLT<Eigen::MatrixXd> posterior;
+  // Columns of maps change slowly from frame to frame and are many: sums over a few frames are kept of them.
+  std::vector<Eigen::Index> sharp, smooth;
+  std::vector<Eigen::MatrixXd> sharp_columns, smooth_sums;  // per flight
 };
+
+constexpr Eigen::Index kTogether = 4;  // frames
+
+Eigen::MatrixXd sums_of_frames(const Eigen::MatrixXd& rows) {
+  Eigen::MatrixXd sums(rows.rows() / kTogether, rows.cols());
+  for (Eigen::Index column = 0; column < rows.cols(); ++column) {
+    const double* value = rows.col(column).data();
+    for (Eigen::Index i = 0; i < sums.rows(); ++i, value += kTogether)
+      sums(i, column) = value[0] + value[1] + value[2] + value[3];
+  }
+  return sums;
+}
 
 Base prepare(const Problem& problem, const Fit& fit) {
   Base base;
   if (fit.free.empty()) return base;
-  base.J = jacobians(problem, fit, fit.free);
-  Eigen::MatrixXd A = prior_precision(fit.free);
-  for (const Eigen::MatrixXd& J : base.J) A.noalias() += J.transpose() * J;
-  base.information = A.ldlt();
+  base.linearisation = linearisation_of(problem, fit);
+  base.posterior = (prior_precision(fit.free) + base.linearisation->information).ldlt();
+  for (std::size_t p = 0; p < fit.free.size(); ++p)
+    (fit.free[p].linear ? base.smooth : base.sharp).push_back(static_cast<Eigen::Index>(p));
+  for (const Eigen::MatrixXd& J : base.linearisation->columns) {
+    base.sharp_columns.emplace_back(J(Eigen::all, base.sharp));
+    base.smooth_sums.push_back(sums_of_frames(J(Eigen::all, base.smooth)));
+  }
   return base;
 }
 
@@ -50,17 +69,21 @@ struct Normal {
 
   Normal(const Base& base, Eigen::Index n)
       : H(Eigen::MatrixXd::Zero(n, n)),
-        cross(Eigen::MatrixXd::Zero(base.J.empty() ? 0 : base.J.front().cols(), n)),
+        cross(Eigen::MatrixXd::Zero(base.linearisation == nullptr ? 0 : base.posterior.rows(), n)),
         g(Eigen::VectorXd::Zero(n)) {}
 
   void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight) {
     H.noalias() += Z.transpose() * Z;
     g.noalias() -= Z.transpose() * fit.innovations[flight];
-    if (cross.rows() > 0) cross.noalias() += base.J[flight].transpose() * Z;
+    if (cross.rows() == 0) return;
+    cross(base.sharp, Eigen::all) += base.sharp_columns[flight].transpose() * Z;
+    if (base.smooth.empty()) return;
+    cross(base.smooth, Eigen::all) +=
+        base.smooth_sums[flight].transpose() * sums_of_frames(Z) / static_cast<double>(kTogether);
   }
   // At the base's optimum its own gradient is the prior's; only what the candidate adds counts.
   void project(const Base& base) {
-    if (cross.rows() > 0) H.noalias() -= cross.transpose() * base.information.solve(cross);
+    if (cross.rows() > 0) H.noalias() -= cross.transpose() * base.posterior.solve(cross);
   }
 };
 
@@ -91,6 +114,9 @@ Screened score_presence(const Problem& problem, const Fit& fit, const Base& base
 }
 
 // The best second for a thruster to die: what it adds to the motion is cut off there.
+constexpr double kCoarse = 4.0;      // s
+constexpr double kWorthALook = 3.0;  // nats
+
 Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, const Hypothesis& hypothesis) {
   const std::vector<Flight>& flights = *problem.flights;
   ThrusterDead dead = std::get<ThrusterDead>(hypothesis.starts.front().effect);
@@ -130,16 +156,27 @@ Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, c
     std::get<ThrusterDead>(best.start.effect).since_s = since_s;
   };
   consider(0.0, flights.size(), nullptr);
+  const auto try_onset = [&](std::size_t f, double since) {
+    ForceIntegrals rest = lost[f];
+    const std::vector<double>& times = flights[f].times();
+    for (std::size_t frame = 0; times[frame] < since; ++frame) {
+      for (std::size_t axis = 0; axis < kAxes; ++axis) rest.dv[axis][frame] = rest.dp[axis][frame] = 0.0;
+    }
+    const Eigen::MatrixXd column = innovations(flights[f], rest, fit.noise);
+    consider(since, f, &column);
+  };
   for (std::size_t f = 0; f < flights.size(); ++f) {
     const std::vector<double>& times = flights[f].times();
-    ForceIntegrals rest = lost[f];
-    std::size_t frame = 0;
-    for (double since = times.front() + 1.0; since < times.back() - 2.0; since += 1.0) {
-      for (; times[frame] < since; ++frame) {
-        for (std::size_t axis = 0; axis < kAxes; ++axis) rest.dv[axis][frame] = rest.dp[axis][frame] = 0.0;
-      }
-      const Eigen::MatrixXd column = innovations(flights[f], rest, fit.noise);
-      consider(since, f, &column);
+    for (double since = times.front() + 1.0; since < times.back() - 2.0; since += kCoarse)
+      try_onset(f, since);
+  }
+  // Evidence grows until the onset and falls after it, so that every second is tried around the best alone.
+  const double best_since = std::get<ThrusterDead>(best.start.effect).since_s;
+  for (std::size_t f = 0; f < flights.size() && best.gain > kWorthALook; ++f) {
+    const std::vector<double>& times = flights[f].times();
+    for (double away = 1.0 - kCoarse; away < kCoarse; away += 1.0) {
+      const double since = best_since + away;
+      if (since > times.front() + 0.5 && since < times.back() - 2.0) try_onset(f, since);
     }
   }
   best.score = best.gain - kPresencePrice - choices_of(hypothesis);

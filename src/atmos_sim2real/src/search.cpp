@@ -11,6 +11,8 @@
 
 namespace atmos {
 
+double indistinct(double gain) { return std::clamp(0.05 * gain, 3.0, 10.0); }
+
 bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) {
   return std::any_of(claims.begin(), claims.end(),
                      [&](const Claim& claim) { return same_subject(claim.hypothesis, hypothesis); });
@@ -18,8 +20,11 @@ bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) 
 
 namespace {
 
+// Where a fit of the current model with one screened hypothesis starts.
 Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
-  Fit extended = base;
+  Fit extended;
+  extended.effects = base.effects;
+  extended.free = base.free;
   const std::size_t index = extended.effects.size();
   const Start& start = at.start;
   extended.effects.push_back(start.effect);
@@ -30,19 +35,13 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   return extended;
 }
 
-void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
-                double looseness) {
-  in_parallel(problem.flights->size(), [&](std::size_t f) {
-    (*problem.flights)[f].smooth(problem.plant(effects, f), noise, looseness);
-  });
-}
-
 // Fits the current model with one screened hypothesis.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate,
+              FitEffort effort = FitEffort::kThorough) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, effort);
   if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
     fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
@@ -98,11 +97,23 @@ bool worth_a_name(const OpenLoopError& nominal, const OpenLoopError& before, con
          before.yaw_rad - after.yaw_rad > kShare * nominal.yaw_rad;
 }
 
+std::string label(const Hypothesis& hypothesis) {
+  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "") +
+         (hypothesis.law.empty() ? "" : " (" + hypothesis.law + ")");
+}
+
 bool by_gain(const Tried& a, const Tried& b) { return a.gain > b.gain; }
+
+// What is remembered of a rival: its linearisation may be large.
+Tried remembered(Tried tried) {
+  tried.fit.linearisation.reset();
+  return tried;
+}
 
 // Velocities smoothed under the model so far favour candidates that resemble it: where the best are close,
 // each is judged along the motion that it implies itself. `tried`: best first, before and after.
-void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness) {
+void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness,
+              const SearchOptions& options) {
   if (tried.size() < 2) return;
   const double close = std::max(10.0, 0.05 * tried.front().gain);
   const auto end = std::find_if(tried.begin(), tried.end(), [&](const Tried& t) {
@@ -119,10 +130,48 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
     t->fit = fit(problem, t->fit.effects, t->fit.free, t->fit.noise);
     evidence.push_back(t->fit.evidence - choices_of(t->hypothesis));
   }
-  for (auto t = tried.begin(); t != end; ++t)
+  for (auto t = tried.begin(); t != end; ++t) {
     t->gain = reference + evidence[static_cast<std::size_t>(t - tried.begin())] - evidence.front();
+    options.progress("  " + label(t->hypothesis) + " along its own motion: " + std::to_string(t->gain) +
+                     " nats");
+  }
   std::sort(tried.begin(), end, by_gain);
   smooth_all(problem, current.effects, current.noise, looseness);
+}
+
+// Of candidates that explain the flights equally well, the one with the fewest parameters is named: friction
+// everywhere and not in a patch that happens to cover all that was visited.
+void simplest_of_equals_first(std::vector<Tried>& tried) {
+  if (tried.empty()) return;
+  const double least = tried.front().gain - indistinct(tried.front().gain);
+  const auto end =
+      std::find_if(tried.begin(), tried.end(), [&](const Tried& other) { return other.gain < least; });
+  const auto simplest = std::min_element(tried.begin(), end, [](const Tried& a, const Tried& b) {
+    return a.hypothesis.free.size() < b.hypothesis.free.size();
+  });
+  std::rotate(tried.begin(), simplest, simplest + 1);
+}
+
+// Why a candidate with enough evidence is not named all the same; empty when it is.
+std::string objection_to(const Problem& problem, const Tried& candidate, const BlockEvidence& blocks,
+                         const Fit& current, const std::vector<Claim>& claims,
+                         const OpenLoopError& nominal_error, const SearchOptions& options) {
+  // What happened once, or lies in one place, cannot help where a fit has not seen it.
+  if (!candidate.hypothesis.local &&
+      (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion))
+    return "does not hold on unseen data";
+  if (claims.empty()) return "";
+  // A little of what is left can be had by anything flexible, or by anything at all that is nearly collinear.
+  const bool flexible = candidate.hypothesis.map || !candidate.hypothesis.law.empty();
+  const bool second_map =
+      candidate.hypothesis.map &&
+      std::any_of(claims.begin(), claims.end(), [](const Claim& claim) { return claim.hypothesis.map; });
+  if (second_map && candidate.gain < options.plain_gain) return "is what another map leaves";
+  if ((flexible || candidate.gain < options.plain_gain) &&
+      !worth_a_name(nominal_error, open_loop_error(problem, current.effects),
+                    open_loop_error(problem, candidate.fit.effects)))
+    return "changes the motion too little to be named";
+  return "";
 }
 
 // Fits along the motion that the model itself implies, until that no longer changes: friction that nearly
@@ -136,7 +185,9 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
     current = fit(problem, current.effects, current.free, current.noise,
                   round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
     if (round > 0 && std::abs(current.log_likelihood - before) < kEnough) break;
-    if (round == 0 && current.free.size() > 60) break;  // maps: their columns do not depend on the velocity
+    const bool map = std::any_of(current.free.begin(), current.free.end(),
+                                 [](const FreeParameter& free) { return free.joint != nullptr; });
+    if (map) break;  // costly, and what it pushes does not depend on the velocity
   }
   return current;
 }
@@ -172,21 +223,19 @@ bool plainly_there(const Fit& fit, std::size_t index) {
   return false;
 }
 
-std::string label(const Hypothesis& hypothesis) {
-  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "") +
-         (hypothesis.law.empty() ? "" : " (" + hypothesis.law + ")");
-}
-
 // The model whose last effect is a map, with the amplitude and length that have most evidence.
 Fit best_field(const Problem& problem, Fit current, std::vector<Claim>& claims,
                const SearchOptions& options) {
-  const Fit rest = without(problem, current, current.effects.size() - 1);
+  Fit rest = current;
+  const std::size_t map = rest.effects.size() - 1;
+  rest.hold([&](const FreeParameter& free) { return free.effect == map; });
+  rest.effects.pop_back();
   for (const Hypothesis& other : other_fields(claims.back().hypothesis, *problem.flights)) {
     Screened start;
     start.hypothesis = &other;
     start.start = other.starts.front();
     start.amplitude = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(other.free.size()));
-    Tried tried = attempt(problem, rest, start);
+    Tried tried = attempt(problem, rest, start, FitEffort::kQuick);
     options.progress("  " + label(other) +
                      " as another field: " + std::to_string(tried.fit.evidence - current.evidence) + " nats");
     if (tried.fit.evidence <= current.evidence) continue;
@@ -229,20 +278,11 @@ void absorb(Fit& fit, std::vector<Claim>& claims, std::size_t from, std::size_t 
   claims[to].gain += claims[from].gain;
   claims[to].heldout_gain += claims[from].heldout_gain;
   claims[to].inclusion = std::max(claims[to].inclusion, claims[from].inclusion);
-  std::vector<Eigen::Index> kept;
-  std::vector<FreeParameter> free;
-  for (std::size_t p = 0; p < fit.free.size(); ++p) {
-    FreeParameter parameter = fit.free[p];
-    if (parameter.effect == from) {
-      if (!keep_parameters) continue;
-      parameter.effect = to;
-    }
+  if (!keep_parameters) fit.hold([&](const FreeParameter& free) { return free.effect == from; });
+  for (FreeParameter& parameter : fit.free) {
+    if (parameter.effect == from) parameter.effect = to;
     if (parameter.effect > from) --parameter.effect;
-    kept.push_back(static_cast<Eigen::Index>(p));
-    free.push_back(parameter);
   }
-  fit.covariance = Eigen::MatrixXd(fit.covariance(kept, kept));
-  fit.free = std::move(free);
   fit.effects.erase(fit.effects.begin() + static_cast<long>(from));
   claims.erase(claims.begin() + static_cast<long>(from));
 }
@@ -309,8 +349,13 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     const Fit& rest = without_each[i];
     claim.rivals.clear();
     claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
-    for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals))
-      claim.rivals.push_back(attempt(problem, rest, candidate));
+    // The claim's own score is what a rival's is measured by: screens shrink differences, but not to less
+    // than half.
+    const std::vector<Screened> own = screen(problem, rest, {claim.hypothesis});
+    for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals)) {
+      if (candidate.score > 0.5 * own.front().score)
+        claim.rivals.push_back(remembered(attempt(problem, rest, candidate)));
+    }
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
     if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) continue;
     options.progress("  " + label(claim.rivals.front().hypothesis) + " takes the place of " +
@@ -340,6 +385,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   smooth_all(problem, {}, noise, looseness);
   noise = profile_noise(problem, {}, noise, true);
   result.nominal = evaluate(problem, {}, {}, noise);
+  const OpenLoopError nominal_error = open_loop_error(problem, {});
   Fit current = result.nominal;
   std::vector<Claim>& claims = result.claims;
 
@@ -367,39 +413,30 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
                        " nats (screen " + std::to_string(candidate.score) + ")");
     }
     std::sort(tried.begin(), tried.end(), by_gain);
-    play_off(problem, current, tried, looseness);
+    play_off(problem, current, tried, looseness, options);
+    simplest_of_equals_first(tried);
 
     bool accepted = false;
     for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
       const BlockEvidence blocks = block_evidence(problem, current, tried[t].fit, options.seed);
-      // What happened once, or lies in one place, cannot help where a fit has not seen it, nor can a map:
-      // there the evidence alone decides.
-      if (!tried[t].hypothesis.local && !tried[t].hypothesis.map &&
-          (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion)) {
-        options.progress("  " + label(tried[t].hypothesis) + " does not hold on unseen data");
-        continue;
-      }
-      // A little of what is left can be had by anything flexible, or by anything at all that is nearly
-      // collinear.
-      const bool flexible = tried[t].hypothesis.map || !tried[t].hypothesis.law.empty();
-      if (!claims.empty() && (flexible || tried[t].gain < options.plain_gain) &&
-          !worth_a_name(open_loop_error(problem, {}), open_loop_error(problem, current.effects),
-                        open_loop_error(problem, tried[t].fit.effects))) {
-        options.progress("  " + label(tried[t].hypothesis) + " changes the motion too little to be named");
+      const std::string objection =
+          objection_to(problem, tried[t], blocks, current, claims, nominal_error, options);
+      if (!objection.empty()) {
+        options.progress("  " + label(tried[t].hypothesis) + " " + objection);
         continue;
       }
       Claim claim{tried[t].hypothesis, tried[t].gain, blocks.heldout_gain, blocks.inclusion, {},
                   tried[t].gain};
       current = tried[t].fit;
       for (std::size_t r = 0; r < tried.size(); ++r) {
-        if (r != t) claim.rivals.push_back(tried[r]);
+        if (r != t) claim.rivals.push_back(remembered(std::move(tried[r])));
       }
       options.progress("accepted " + label(claim.hypothesis));
       claims.push_back(std::move(claim));
       accepted = true;
     }
     if (!accepted) {
-      result.rejected = std::move(tried);
+      for (Tried& rejected : tried) result.rejected.push_back(remembered(std::move(rejected)));
       break;
     }
     // Velocities under the better model, then everything again at its noise.

@@ -39,6 +39,12 @@ double range(const GridRows& rows) {
   return high - low;
 }
 
+// A formula, or how it begins.
+std::string start_of(const std::string& formula) {
+  constexpr std::size_t kMost = 160;
+  return formula.size() <= kMost ? formula : formula.substr(0, kMost) + " ...";
+}
+
 struct Sentence {
   double start_s;
 
@@ -172,12 +178,17 @@ struct Sentence {
     return "the clock of the poses runs " + short_number(1e6 * e.ratio) + " ppm fast";
   }
   std::string operator()(const Unmodelled& e) const {
+    constexpr std::size_t kReadable = 8;  // coefficients; model.yaml holds all
     std::string values;
     for (const auto& [name, coefficient] : e.coefficients)
       values += (values.empty() ? " with " : ", ") + name + " = " + short_number(coefficient.value) + " " +
                 coefficient.unit;
-    return "a law outside the vocabulary: force (" + e.force_x_n + ", " + e.force_y_n + ") N, torque " +
-           e.torque_n_m + " N m" + values;
+    const std::string formulas = "force (" + start_of(e.force_x_n) + ", " + start_of(e.force_y_n) +
+                                 ") N, torque " + start_of(e.torque_n_m) + " N m";
+    return "a law outside the vocabulary: " + formulas +
+           (e.coefficients.size() > kReadable
+                ? " with " + std::to_string(e.coefficients.size()) + " coefficients"
+                : values);
   }
 };
 

@@ -1,4 +1,5 @@
 // diagnose: why recordings differ from the simulation. Writes report.json, report.html, model.yaml, figures/.
+#include <malloc.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -136,5 +137,8 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  // Columns come and go by the thousand: their memory is kept instead of asked for anew each time.
+  mallopt(M_MMAP_THRESHOLD, 64 << 20);
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);
   return with_clear_errors([&] { run(arguments); });
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +26,8 @@ struct FreeParameter {
       false;  // the residual is linear in it and independent of the others: its column never changes
   // Maps: prior precision of all elements together, by element; prior_width is that of each by itself.
   std::shared_ptr<const Eigen::MatrixXd> joint = nullptr;
+  double least =
+      -std::numeric_limits<double>::infinity();  // where physics says more than the effect's own bounds
 };
 
 double& parameter(std::vector<Effect>& effects, const FreeParameter& free);
@@ -39,6 +43,12 @@ double occam_factor(const Eigen::MatrixXd& prior_precision, const Eigen::MatrixX
 // Keeps the parameters within what their effects allow.
 void clamp_to_bounds(std::vector<Effect>& effects, const std::vector<FreeParameter>& free);
 
+// The innovations beside a fit, to first order in its free parameters.
+struct Linearisation {
+  std::vector<Eigen::MatrixXd> columns;  // per flight
+  Eigen::MatrixXd information;           // sum of J' J
+};
+
 struct Fit {
   std::vector<Effect> effects;
   std::vector<FreeParameter> free;
@@ -49,6 +59,11 @@ struct Fit {
   Eigen::MatrixXd
       covariance;  // of the free parameters, corrected for what correlation the residual has left (sandwich)
   std::vector<Eigen::VectorXd> innovations;  // per flight
+  // Fits have it, evaluations do not; a change of `free` must change it too.
+  std::shared_ptr<const Linearisation> linearisation;
+
+  // Without some of the free parameters; the effects stay as they are.
+  void hold(const std::function<bool(const FreeParameter&)>& held);
 };
 
 // The flights with what all fits need of the vehicle.
@@ -60,15 +75,18 @@ struct Problem {
   Plant plant(const std::vector<Effect>& effects, std::size_t flight) const;
 };
 
+// Smooths the motion of every flight with the forces of these effects (Flight::smooth).
+void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
+                double looseness);
+
 // Evaluates without fitting.
 Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
              const NoiseModel& noise);
 
-// Columns of the whitened residual by finite differences: one matrix per flight, one column per parameter.
-std::vector<Eigen::MatrixXd> jacobians(const Problem& problem, const Fit& at,
-                                       const std::vector<FreeParameter>& free);
+// That of a fit; of an evaluation by finite differences.
+std::shared_ptr<const Linearisation> linearisation_of(const Problem& problem, const Fit& fit);
 
-// The columns of one flight, whose innovations at `at` are given.
+// The columns of one effect's parameters in one flight, whose innovations at `at` are given.
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight);
 

@@ -64,10 +64,12 @@ class Flight {
   // The same out of each frame and those before it alone, for predictions: pose and velocity of every frame.
   void track(const Plant& plant, const NoiseModel& noise);
   // Evaluates the plant's forces along the motion, exactly between valve edges. `hidden_at_frame`, where
-  // given, receives the hidden states at every frame. Outside of `reach`, where given, the plant is known to
+  // given, receives the hidden states at every frame.
+  ForceIntegrals integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame = nullptr) const;
+  // The same for a plant without thrusters whose forces depend on place and velocity alone, so that they are
+  // evaluated a few times less often than there are frames. Outside of `reach`, where given, it is known to
   // push nothing.
-  ForceIntegrals integrate(const Plant& plant, std::vector<VecX<double>>* hidden_at_frame = nullptr,
-                           const Reach* reach = nullptr) const;
+  ForceIntegrals integrate_slow(const Plant& plant, const Reach* reach = nullptr) const;
 
   // One whitener per axis.
   std::shared_ptr<const std::vector<Whitener>> whiteners(const NoiseModel& noise) const;

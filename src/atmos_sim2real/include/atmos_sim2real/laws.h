@@ -17,6 +17,8 @@ Hypothesis swinging_torque(double frequency_hz, double penalty);
 
 // Whether a law's formulas read an opening.
 bool depends_on_valves(const Unmodelled& law);
+// Whether it is no oscillation either.
+bool changes_slowly(const Unmodelled& law);
 
 // Both laws as one effect: a model holds `unmodelled` once. The coefficients of the second are renamed and
 // come after those of the first.

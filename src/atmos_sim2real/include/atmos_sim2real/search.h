@@ -35,6 +35,10 @@ struct Claim {
   double onset_deviation_s = 0.0;  // of since_s, where the effect has one
 };
 
+// Nats by which an explanation may fall short of one that gains so many and still be as good: the evidence is
+// approximate, and the more so the larger it is.
+double indistinct(double gain);
+
 bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis);
 
 struct SearchResult {

@@ -28,7 +28,7 @@ def digest(paths):
 
 
 def child(command, timeout, log=None):
-    """Runs a child at low priority; its output goes to `log`. Returns wall time [s] and peak memory [MiB]."""
+    """Runs a child at low priority; its output goes to `log`. Returns wall and CPU time [s] and peak memory [MiB]."""
     def lower():
         os.nice(10)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
@@ -52,7 +52,7 @@ def child(command, timeout, log=None):
     if code != 0:
         tail = open(log).read().strip().splitlines()[-1:] if log else []
         raise Failure(f"{os.path.basename(command[0])} ended with {code}: {' '.join(tail)}")
-    return time.monotonic() - begin, usage.ru_maxrss / 1024.0
+    return time.monotonic() - begin, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0
 
 
 class Runner:
@@ -95,16 +95,16 @@ class Runner:
                    "--natural-frequency", repr(system["frequency"])], 300, os.path.join(folder, "fly.log"))
 
     def diagnose(self, folder, name):
-        """(report, wall time [s], peak memory [MiB]). The diagnosis gets the bag under a name that says nothing, and the
+        """(report, wall and CPU time [s], peak memory [MiB]). The diagnosis gets the bag under a name that says nothing, and the
         nominal vehicle."""
         apart = os.path.join(folder, f"diagnosis_{name}")
         os.makedirs(apart)
         bag = os.path.join(apart, "flight.bag")
         os.rename(os.path.join(folder, f"{name}.bag"), bag)
-        wall, memory = child([self.tools["diagnose"], "--vehicle", self.vehicle, "--out", apart, bag],
+        wall, cpu, memory = child([self.tools["diagnose"], "--vehicle", self.vehicle, "--out", apart, bag],
                              self.options.timeout, os.path.join(apart, "log"))
         with open(os.path.join(apart, "report.json")) as file:
-            return json.load(file), wall, memory
+            return json.load(file), wall, cpu, memory
 
     def predictions(self, folder, truth, models):
         """Errors of models (name -> file or None) on the second flight, every window started from the motion that the mocap
@@ -162,7 +162,7 @@ class Runner:
         result = {"family": family, "index": index, "truth": truth, "versions": self.versions}
         try:
             self.fly(folder, system)
-            report, wall, memory = self.diagnose(folder, "a")
+            report, wall, cpu, memory = self.diagnose(folder, "a")
             if "twin" in system["flights"]:
                 result["twin"] = scoring.score_null(self.diagnose(folder, "twin")[0])
             errors = self.predictions(folder, truth, {
@@ -170,8 +170,9 @@ class Runner:
                 "oracle": os.path.join(folder, "oracle.yaml")}) if truth["effects"] else None
             result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START)
             if "twin" in result:
-                result["score"]["multiple"] = scoring.stated_multiple(truth["effects"][0], result["twin"]["stated"])
-            result.update(wall_s=wall, memory_mib=memory)
+                result["score"]["multiple"] = scoring.stated_multiple(
+                    truth["effects"][0], result["twin"]["stated"], truth["duration_s"])
+            result.update(wall_s=wall, cpu_s=cpu, memory_mib=memory)
             if self.options.baselines:
                 result["baselines"] = {name: self.baseline(folder, name, truth, errors) for name in BASELINES}
         except Failure as failure:

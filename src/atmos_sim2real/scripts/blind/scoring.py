@@ -3,6 +3,8 @@ import csv
 import math
 import statistics
 
+from . import hidden
+
 # The value at which an effect is absent, where it is not 0.
 NEUTRAL = {("mass_error", "factor"): 1.0, ("inertia_error", "factor"): 1.0, ("thrust_scale", "factor"): 1.0,
            ("thruster_efficiency", "factor"): 1.0}
@@ -75,15 +77,28 @@ def onset_errors(claim, effect, flight_start):
     return []
 
 
-def stated_multiple(effect, stated_sizes):
+def size_in_stated_terms(effect, parameter, flight_end):
+    """Size of a true effect in the terms in which a report states the smallest detectable one (docs/diagnosis.md)."""
+    kind, true = effect["kind"], effect["parameters"]
+    if kind == "thruster_dead":
+        return min(flight_end - true["since_s"], flight_end - hidden.FIRST_START)
+    if kind == "external_impulse":
+        return max(math.hypot(event["impulse_x_n_s"], event["impulse_y_n_s"]) for event in true["events"])
+    if kind == "floor_unevenness":
+        return statistics.pstdev([value for row in true["height_m"] for value in row])
+    if kind == "airflow":
+        return math.sqrt(statistics.fmean(value ** 2 for name in ("force_x_n", "force_y_n") for row in true[name]
+                                          for value in row))
+    neutral = NEUTRAL.get((kind, parameter), 0.0)
+    return math.sqrt(sum((true[n] - neutral) ** 2 for n in VECTORS.get(kind) or (parameter,)))
+
+
+def stated_multiple(effect, stated_sizes, duration):
     """Size of an effect in multiples of what a report states as the smallest detectable; None where it states none."""
     stated = stated_sizes.get(effect["kind"])
     if not stated or not stated["value"]:
         return None
-    name, kind = stated["parameter"], effect["kind"]
-    names = VECTORS.get(kind) or (name,)
-    neutral = NEUTRAL.get((kind, name), 0.0)
-    return math.sqrt(sum((effect["parameters"][n] - neutral) ** 2 for n in names)) / abs(stated["value"])
+    return size_in_stated_terms(effect, stated["parameter"], hidden.FIRST_START + duration) / abs(stated["value"])
 
 
 def score_null(report):

@@ -41,6 +41,7 @@ def visible(result):
 def rows(results):
     out = [share_row("failed", ["failure" in r for r in results])] + method_rows(results, "", lambda r: r["score"])
     out += [median_row("diagnosis_wall", "s", [r["wall_s"] for r in results if "wall_s" in r]),
+            median_row("diagnosis_cpu", "s", [r["cpu_s"] for r in results if "cpu_s" in r]),
             median_row("diagnosis_memory", "MiB", [r["memory_mib"] for r in results if "memory_mib" in r])]
     for name in sorted({name for r in results for name in r.get("baselines", {})}):
         with_it = [r for r in results if name in r.get("baselines", {})]
