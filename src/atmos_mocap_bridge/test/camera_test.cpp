@@ -49,7 +49,7 @@ TEST_F(OverheadCamera, PosesAllOverTheFloor) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> x(-0.9, 1.8), y(-0.6, 1.6), turn(-M_PI, M_PI);
   double position = 0.0, yaw = 0.0, worst = 0.0, nees = 0.0;
-  constexpr int kPoses = 15;
+  constexpr int kPoses = 12;
   for (int i = 0; i < kPoses; ++i) {
     const BoardPose pose{{x(random), y(random)}, turn(random)};
     const auto seen = see(renderer, pose, fit);

@@ -129,17 +129,27 @@ struct Renderer::Impl {
   void draw_background() {
     const std::vector<Vector2d> floor = trace(0.0);
     background.create(height(), width(), CV_32FC1);
+    const auto on_sheet = [&](const Vector2d& p) {
+      float gray = -1.0f;
+      for (const Sheet& sheet : floor_sheets) gray = std::max(gray, sheet.gray(p));
+      return gray;
+    };
     for (int v = 0; v < height(); ++v) {
       for (int u = 0; u < width(); ++u) {
-        background.at<float>(v, u) = average([&](double du, double dv, int) {
-          const Vector2d p = hit(floor, u, v, du, dv);
-          if (p.x() > 0.1 * kNowhere) return kNothing;
-          for (const Sheet& sheet : floor_sheets) {
-            const float gray = sheet.gray(p);
-            if (gray >= 0.0f) return gray;
-          }
-          return kFloor + static_cast<float>(kFloorPattern * std::sin(p.x() / kFloorPattern_m) *
-                                             std::sin(p.y() / kFloorPattern_m));
+        const Vector2d p = hit(floor, u, v, 0.0, 0.0);
+        const float bare =
+            p.x() > 0.1 * kNowhere
+                ? kNothing
+                : kFloor + static_cast<float>(kFloorPattern * std::sin(p.x() / kFloorPattern_m) *
+                                              std::sin(p.y() / kFloorPattern_m));
+        // Only where a sheet touches the pixel's corners do its rays differ.
+        bool touched = false;
+        for (const double du : {-0.5, 0.5}) {
+          for (const double dv : {-0.5, 0.5}) touched = touched || on_sheet(hit(floor, u, v, du, dv)) >= 0.0f;
+        }
+        background.at<float>(v, u) = !touched ? bare : average([&](double du, double dv, int) {
+          const float gray = on_sheet(hit(floor, u, v, du, dv));
+          return gray >= 0.0f ? gray : bare;
         });
       }
     }
