@@ -43,7 +43,7 @@ class Serial(unittest.TestCase):
     def test_each_controller_reaches_its_set_points(self):
         for name, firmware, position_m, yaw_deg in FLIGHTS + (LONG_FLIGHTS if LONG else []):
             with self.subTest(controller=name, firmware=firmware):
-                changes = {} if LONG else {"duration_s": 16.0, "setpoints": STEP}
+                changes = {} if LONG else {"duration_s": 14.0, "setpoints": STEP}
                 scenario = harness.write_scenario(harness.scratch(), controller=controller(name), **changes)
                 bag, log = harness.fly(scenario, 180.0, controller=controller(name), fmu="serial", firmware=firmware,
                                        speed=1.0 if LONG else 1.5)
@@ -63,7 +63,7 @@ class Serial(unittest.TestCase):
 
     def test_an_unplugged_cable_and_a_reboot_are_recovered_from(self):
         folder = harness.scratch()
-        scenario = harness.write_scenario(folder, duration_s=26.0, setpoints=STEP, controller=controller("rate"))
+        scenario = harness.write_scenario(folder, duration_s=30.0, setpoints=STEP, controller=controller("rate"))
         bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
         with harness.Launch("sim.launch", scenario=scenario, controller=controller("rate"), fmu="serial", firmware="stock",
                             record=bag, summary=summary) as launch:

@@ -23,8 +23,8 @@ namespace atmos {
 struct PixhawkConfig {
   Firmware firmware = Firmware::kStock;
   PixhawkParameters parameters;
-  double pwm_phase_s = 0.01;    // of the PWM edges after whole multiples of the period in ROS time
-  double latch_lead_s = 0.006;  // before an edge: the simulator must have the order when the period begins
+  double pwm_phase_s = 0.02;    // of the PWM edges after whole multiples of the period in ROS time
+  double latch_lead_s = 0.016;  // before an edge: the simulator must have the order when the period begins
   double clock_skew = 0.0;      // s/s, of the autopilot's clock
 };
 
