@@ -8,6 +8,8 @@ namespace atmos {
 
 namespace {
 
+constexpr double kClockStep_s = 0.1;  // a step back by less is jitter
+
 std::string text(const char* format, double a, double b = 0.0) {
   char buffer[160];
   std::snprintf(buffer, sizeof(buffer), format, a, b);
@@ -43,7 +45,14 @@ const char* name_of(Rule rule) {
   return "unknown";
 }
 
+// A clock that was set back: ages against the old one would look fresh for ever.
+void Supervisor::notice_clock(double now_s) {
+  if (now_s < last_now_s_ - kClockStep_s) setpoint_s_ = odometry_s_ = link_s_ = kNever;
+  last_now_s_ = now_s;
+}
+
 void Supervisor::on_odometry(const OdometrySample& odometry, double now_s) {
+  notice_clock(now_s);
   const double stamp = std::min(odometry.stamp_s, now_s);
   if (!odometry.is_finite() || !(stamp > odometry_s_)) return;
   odometry_s_ = stamp;
@@ -71,6 +80,7 @@ void Supervisor::release_latches() {
 }
 
 Verdict Supervisor::judge(double now_s) {
+  notice_clock(now_s);
   if (battery_ < config_.battery_min && battery_latch_.empty())
     battery_latch_ = text("charge %.0f %% is below %.0f %%", 100.0 * battery_, 100.0 * config_.battery_min);
   if (kill_) return {Reaction::kDisarm, Rule::kKill, "killed by the operator"};

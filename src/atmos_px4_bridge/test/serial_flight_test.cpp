@@ -274,6 +274,22 @@ INSTANTIATE_TEST_SUITE_P(Firmware, Safety, ::testing::Values(Firmware::kPatched,
 
 // --- the line's load and clocks ---
 
+TEST(Clocks, AfterAStepBackNothingOldCountsAsFresh) {
+  Supervisor supervisor(bench_config(Firmware::kStock).safety);
+  OdometrySample odometry;
+  odometry.stamp_s = 1000.0;
+  supervisor.on_link(1000.0), supervisor.on_odometry(odometry, 1000.0), supervisor.on_setpoint(1000.0);
+  EXPECT_EQ(supervisor.judge(1000.1).reaction, Reaction::kFly);
+  EXPECT_EQ(supervisor.judge(990.0).rule, Rule::kLinkLost);
+  supervisor.on_link(990.1);
+  EXPECT_EQ(supervisor.judge(990.1).rule, Rule::kOdometryLost);
+  odometry.stamp_s = 990.2;
+  supervisor.on_odometry(odometry, 990.2);
+  EXPECT_EQ(supervisor.judge(990.2).rule, Rule::kSetpointOld);
+  supervisor.on_setpoint(990.3);
+  EXPECT_EQ(supervisor.judge(990.3).reaction, Reaction::kFly);
+}
+
 TEST(Line, TrafficFitsTheLineWithRoomToSpare) {
   FlightBench bench(Firmware::kPatched, go_to(Level::kRate, {0.2, 0.0}, 0.0));
   ASSERT_TRUE(bench.take_off());

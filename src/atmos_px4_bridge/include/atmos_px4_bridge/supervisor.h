@@ -67,10 +67,11 @@ class Supervisor {
 
  private:
   std::string envelope_fault() const;
+  void notice_clock(double now_s);
 
   SupervisorConfig config_;
   static constexpr double kNever = -std::numeric_limits<double>::infinity();
-  double setpoint_s_ = kNever, odometry_s_ = kNever, link_s_ = kNever;
+  double setpoint_s_ = kNever, odometry_s_ = kNever, link_s_ = kNever, last_now_s_ = kNever;
   OdometrySample odometry_;
   double battery_ = std::numeric_limits<double>::quiet_NaN();  // not known yet
   bool nmpc_failed_ = false, kill_ = false;
