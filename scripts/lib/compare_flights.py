@@ -12,7 +12,7 @@ def draw(flights):
     rows = [("x [m]", lambda m: m.x, lambda s, yaw: s.x), ("y [m]", lambda m: m.y, lambda s, yaw: s.y),
             ("yaw [deg]", lambda m: np.degrees(m.yaw), lambda s, yaw: np.degrees(yaw[s.time]))]
     with plt.rc_context(report.STYLE):
-        figure, axes = plt.subplots(4, len(flights), figsize=(6.2 * len(flights), 8.4), sharex=True, sharey="row",
+        figure, axes = plt.subplots(4, len(flights), figsize=(4.6 * len(flights), 7.6), sharex=True, sharey="row",
                                     constrained_layout=True, squeeze=False)
         for column, (title, flight) in enumerate(flights):
             yaw = report.continuous_yaw(flight)
@@ -30,7 +30,7 @@ def draw(flights):
             report.mark_steps(axes[3, column], flight)
             axes[3, column].set_xlabel("time [s]")
         axes[3, 0].set_ylabel("inputs, share of full thrust")
-        axes[0, 0].legend(loc="upper right", ncol=2)
+        axes[2, 0].legend(loc="upper left")
         figure.align_ylabels()
     return figure
 

@@ -108,6 +108,8 @@ Places read_places(const ConfigMap& map) {
     }
     if (!convex) map.fault("keep_in_m", "must be the corners of a convex area, counter-clockwise");
   }
+  if (map.has("penalty_quadratic"))
+    places.penalty_quadratic = map.number("penalty_quadratic", Bounds::positive());
   for (const ConfigMap& obstacle : map.maps("obstacles", false))
     places.obstacles.push_back(
         {obstacle.vector2("center_m"), obstacle.number("radius_m", Bounds::positive())});

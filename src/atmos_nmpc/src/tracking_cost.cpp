@@ -48,6 +48,7 @@ Penalty penalty(const SoftBounds& bounds, double d) {
 
 TrackingCost::TrackingCost(AttitudeError kind, const TrackingWeights& weights, const SoftBounds& bounds)
     : kind_(kind), weights_(weights), bounds_(bounds) {
+  set_places({});
   State at_origin = State::Zero();
   at_origin[kQuaternion] = 1.0;
   set_reference(at_origin, at_origin.segment<4>(kQuaternion), PlanarWeight::Zero());
@@ -117,7 +118,8 @@ double TrackingCost::value(const State& x, int k, bool terminal) const {
     for (int i = 0; i < 3; ++i)
       sum += box_penalty(bounds_, limits_of(bounds_, block)[i], x[kBoundedBlocks[block] + i]).value;
   }
-  for_each_place(x, k, [&](double d, const Eigen::Vector2d&) { sum += penalty(bounds_, d).value; });
+  for_each_place(x, k,
+                 [&](double d, const Eigen::Vector2d&, double) { sum += penalty(place_penalty_, d).value; });
   return sum;
 }
 
@@ -135,8 +137,8 @@ void TrackingCost::add_gradient(const State& x, int k, bool terminal, double fac
       gradient[row] += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).slope;
     }
   }
-  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal) {
-    gradient.head<2>() += factor * penalty(bounds_, d).slope * normal;
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal, double) {
+    gradient.head<2>() += factor * penalty(place_penalty_, d).slope * normal;
   });
 }
 
@@ -159,8 +161,10 @@ void TrackingCost::add_hessian(const State& x, int k, bool terminal, double fact
       H(row, row) += factor * box_penalty(bounds_, limits_of(bounds_, block)[i], x[row]).curvature;
     }
   }
-  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal) {
-    H.topLeftCorner<2, 2>() += factor * penalty(bounds_, d).curvature * normal * normal.transpose();
+  for_each_place(x, k, [&](double d, const Eigen::Vector2d& normal, double bend) {
+    const Penalty p = penalty(place_penalty_, d);
+    H.topLeftCorner<2, 2>() += factor * (p.curvature + bend * p.slope) * normal * normal.transpose();
+    H.topLeftCorner<2, 2>().diagonal().array() -= factor * bend * p.slope;
   });
 }
 
@@ -170,7 +174,8 @@ int TrackingCost::active_bounds(const State& x, int k) const {
     for (int i = 0; i < 3; ++i)
       count += std::abs(x[kBoundedBlocks[block] + i]) >= limits_of(bounds_, block)[i] - bounds_.width ? 1 : 0;
   }
-  for_each_place(x, k, [&](double d, const Eigen::Vector2d&) { count += d >= -bounds_.width ? 1 : 0; });
+  for_each_place(x, k,
+                 [&](double d, const Eigen::Vector2d&, double) { count += d >= -bounds_.width ? 1 : 0; });
   return count;
 }
 

@@ -44,9 +44,6 @@ class PlacesTest : public ::testing::TestWithParam<std::string> {
   }
 };
 
-// The formulations that are left out reach their iteration limit near discs (docs/nmpc.md, "Places").
-using Area = PlacesTest;
-
 TEST_P(PlacesTest, GoesAroundAnObstacle) {
   config_.places.obstacles = {{{0.0, 0.0}, 0.4}};
   double nearest = 10.0;
@@ -54,12 +51,12 @@ TEST_P(PlacesTest, GoesAroundAnObstacle) {
     nearest = std::min(nearest, row.truth.p_WC.norm());
   });
   // Soft: on the straight line it would have come within 0.05 m.
-  EXPECT_GT(nearest, 0.36);
+  EXPECT_GT(nearest, 0.38);
   std::printf("%.0f mm inside an obstacle of 0.4 m\n", 1e3 * (0.4 - nearest));
   EXPECT_LT((end - Eigen::Vector2d(1.0, 0.0)).norm(), 0.02);
 }
 
-TEST_P(Area, StaysInItsAreaWhateverIsAskedFor) {
+TEST_P(PlacesTest, StaysInItsAreaWhateverIsAskedFor) {
   config_.places.walls = {{{1.0, 0.0}, 0.5}, {{0.0, 1.0}, 0.5}, {{-1.0, 0.0}, 0.5}, {{0.0, -1.0}, 0.5}};
   double furthest = 0.0;
   const Eigen::Vector2d end = fly({0.0, 0.0}, {2.0, 0.2}, [&](const testing::FlightRow& row) {
@@ -88,8 +85,10 @@ TEST_P(PlacesTest, LetsAnotherRobotPass) {
   EXPECT_LT((end - Eigen::Vector2d(1.0, 0.0)).norm(), 0.02);
 }
 
-INSTANTIATE_TEST_SUITE_P(Formulations, PlacesTest, ::testing::Values("direct_allocation"));
-INSTANTIATE_TEST_SUITE_P(Formulations, Area, ::testing::Values("direct_allocation", "wrench"));
+// The rate level needs the flight controller: levels_test.
+INSTANTIATE_TEST_SUITE_P(Formulations, PlacesTest,
+                         ::testing::Values("direct_allocation", "wrench", "offset_free_direct_allocation",
+                                           "offset_free_wrench"));
 
 using Polytope = PlacesTest;
 

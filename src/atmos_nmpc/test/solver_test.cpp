@@ -4,6 +4,8 @@
 #include <sys/resource.h>
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <random>
@@ -11,7 +13,9 @@
 
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
+#include "atmos_nmpc/rate.h"
 #include "atmos_nmpc/terminal_weight.h"
+#include "atmos_nmpc/wrench.h"
 #include "numeric.h"
 
 namespace {
@@ -251,13 +255,19 @@ TEST(Solver, ActiveBoundsAreThoseThatHaveAPrice) {
   }
 }
 
-// At a random state before a random reference; every third with hard bounds of the rates too.
-DirectAllocation random_problem(const Vehicle& vehicle, ControllerConfig config, std::uint32_t seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+ControllerConfig varied(ControllerConfig config, std::uint32_t seed) {
   config.stages = 4 + static_cast<int>(seed % 9);
   config.attitude_error = seed % 2 == 0 ? AttitudeError::kPaper : AttitudeError::kVector;
-  DirectAllocation problem = make_direct_allocation(vehicle, config);
+  return config;
+}
+
+// At a random state before a random reference; every third with hard bounds of the velocities too, every
+// fourth, as offset-free control has it, with disturbances and the inputs that hold against them.
+template <class Problem>
+Problem randomised(Problem problem, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  using State = typename Problem::State;
   const auto state = [&](double speed) {
     State13<double> x = State13<double>::Zero();
     for (int i = 0; i < 3; ++i) {
@@ -275,39 +285,82 @@ DirectAllocation random_problem(const Vehicle& vehicle, ControllerConfig config,
     State13<double> limit = State13<double>::Constant(kInfinity);
     limit.segment<3>(state13::kVelocity).setConstant(0.6);
     limit.segment<3>(state13::kAngularVelocity).setConstant(0.6);
-    problem.set_state_bounds(-limit, limit);
+    const State bound = limit.template head<Problem::kStates>();
+    problem.set_state_bounds(-bound, bound);
   }
   problem.cost().set_reference(reference, x0.segment<4>(state13::kQuaternion),
                                TrackingCost::PlanarWeight::Identity());
-  problem.set_initial_state(x0);
+  problem.set_initial_state(x0.template head<Problem::kStates>());
+  if (seed % 4 == 0) {
+    Disturbance disturbance;
+    disturbance.acceleration_W.head<2>() << 0.05 * unit(random), 0.05 * unit(random);
+    disturbance.angular_acceleration_B[2] = 0.3 * unit(random);
+    problem.set_disturbance(disturbance);
+    problem.set_input_reference(
+        problem.dynamics().moving_input(reference.segment<4>(state13::kQuaternion), {}));
+  }
   return problem;
 }
 
-TEST(Solver, StageFactorisationGivesTheAnswerOfMumps) {
-  if (!riccati_available()) GTEST_SKIP() << "this Ipopt takes no linear solver from outside";
-  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
-  const ControllerConfig config =
-      load_controller(ATMOS_CONFIG_DIR "/controller/direct_allocation.yaml", vehicle);
+DirectAllocation random_problem(const Vehicle& vehicle, const ControllerConfig& config, std::uint32_t seed) {
+  return randomised(make_direct_allocation(vehicle, varied(config, seed)), seed);
+}
+
+// Counts what both solve; then the answers are the same.
+template <class Problem>
+void compare_with_mumps(const Problem& problem, std::uint32_t seed, int& solved) {
   SolverOptions options;
   options.max_iterations = 300;
   options.ipopt = {{"tol", "1e-9"}};
   SolverOptions general = options;
   general.ipopt["linear_solver"] = "mumps";
-  int solved = 0;
+  OptimalControlSolver by_stages(problem, options, stopped_clock), by_mumps(problem, general, stopped_clock);
+  ASSERT_TRUE(by_stages.uses_riccati());
+  ASSERT_FALSE(by_mumps.uses_riccati());
+  Iterate a = problem.cold_start(1e-4), b = a;
+  const SolveResult result = by_stages.solve(a), expected = by_mumps.solve(b);
+  ASSERT_EQ(is_success(result.status), is_success(expected.status)) << "seed " << seed;
+  if (!is_success(result.status)) return;
+  ++solved;
+  EXPECT_LT((a.z - b.z).cwiseAbs().maxCoeff(), 1e-6) << "seed " << seed;
+}
+
+// 500 problems over all formulations; ATMOS_LONG_TESTS=1: 500 of each.
+TEST(Solver, StageFactorisationGivesTheAnswerOfMumps) {
+  if (!riccati_available()) GTEST_SKIP() << "this Ipopt takes no linear solver from outside";
+  const Vehicle vehicle = load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml");
+  const auto config = [&vehicle](const std::string& name) {
+    return load_controller(ATMOS_CONFIG_DIR "/controller/" + name + ".yaml", vehicle);
+  };
+  const ControllerConfig direct = config("direct_allocation"), wrench = config("wrench"),
+                         rate = config("rate");
+  ControllerConfig polytope = wrench;
+  polytope.polytope = true;
+  const bool all = std::getenv("ATMOS_LONG_TESTS") != nullptr;
+  constexpr int kFormulations = 4;
+  int solved[kFormulations] = {}, compared[kFormulations] = {};
   for (std::uint32_t seed = 1; seed <= 500; ++seed) {
-    const DirectAllocation problem = random_problem(vehicle, config, seed);
-    OptimalControlSolver by_stages(problem, options, stopped_clock),
-        by_mumps(problem, general, stopped_clock);
-    ASSERT_TRUE(by_stages.uses_riccati());
-    ASSERT_FALSE(by_mumps.uses_riccati());
-    Iterate a = problem.cold_start(1e-4), b = a;
-    const SolveResult result = by_stages.solve(a), expected = by_mumps.solve(b);
-    ASSERT_EQ(is_success(result.status), is_success(expected.status)) << "seed " << seed;
-    if (!is_success(result.status)) continue;
-    ++solved;
-    EXPECT_LT((a.z - b.z).cwiseAbs().maxCoeff(), 1e-6) << "seed " << seed;
+    for (int formulation = 0; formulation < kFormulations; ++formulation) {
+      if (!all && static_cast<int>(seed / 4 % kFormulations) != formulation) continue;
+      SCOPED_TRACE("formulation " + std::to_string(formulation));
+      ++compared[formulation];
+      int& count = solved[formulation];
+      if (formulation == 0)
+        compare_with_mumps(random_problem(vehicle, direct, seed), seed, count);
+      else if (formulation == 3)
+        compare_with_mumps(randomised(make_rate(vehicle, varied(rate, seed)), seed), seed, count);
+      else
+        compare_with_mumps(
+            randomised(make_wrench(vehicle, varied(formulation == 1 ? wrench : polytope, seed)), seed), seed,
+            count);
+      if (HasFatalFailure()) return;
+    }
   }
-  EXPECT_GE(solved, 495);
+  for (int formulation = 0; formulation < kFormulations; ++formulation) {
+    std::printf("formulation %d: %d compared, %d solved\n", formulation, compared[formulation],
+                solved[formulation]);
+    EXPECT_GE(solved[formulation], 99 * compared[formulation] / 100);
+  }
 }
 
 // Problems without a feasible point, which end in Ipopt's restoration phase: there the rows have a dual

@@ -2,7 +2,9 @@
 // a model.yaml is known to both.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -71,6 +73,61 @@ TEST_P(Levels, EverySetPointIsReachedWithAnyOneThrusterDeadAndDeclaredUnderCoupl
       }
       EXPECT_LT((flight.truth().p_WC - goal.head<2>()).norm(), 0.02);
       EXPECT_NEAR(flight.truth().yaw, goal[2], 2.0 * kDegree);
+    }
+  }
+}
+
+// Around an obstacle in the way, past another robot that crosses, and within an area whatever is asked for.
+TEST_P(Levels, KeepsAwayFromPlaces) {
+  struct Case {
+    Eigen::Vector2d start, goal;
+    const char* name;
+  };
+  for (const Case& flown : {Case{{-1.0, 0.1}, {1.0, 0.0}, "obstacle"}, Case{{-1.0, 0.0}, {1.0, 0.0}, "robot"},
+                            Case{{0.0, 0.0}, {2.0, 0.2}, "area"}}) {
+    SCOPED_TRACE(flown.name);
+    const bool obstacle = flown.name == std::string("obstacle"), robot = flown.name == std::string("robot"),
+               area = flown.name == std::string("area");
+    ControllerConfig config = controller({});
+    if (obstacle) config.places.obstacles = {{{0.0, 0.0}, 0.4}};
+    if (robot) config.robot_distance_m = 0.6;
+    if (area)
+      config.places.walls = {{{1.0, 0.0}, 0.5}, {{0.0, 1.0}, 0.5}, {{-1.0, 0.0}, 0.5}, {{0.0, -1.0}, 0.5}};
+    Controller control(vehicle(), config, true, stopped_clock);
+    FlightController core(vehicle(), flight_controller({}), Pacing::kLockstep);
+    control.add_goal(testing::planar_goal(kStart, flown.goal.x(), flown.goal.y(), 0.0));
+    PlanarState<double> at;
+    at.p_WC = flown.start;
+    testing::Flight flight(vehicle(), control, kStart, at, kNoise, 8);
+    flight.set_flight_controller([&](const ControlDecision& decision, double yaw_rate) {
+      return carried_out(core, control.level(), decision, yaw_rate);
+    });
+    double nearest = 10.0, furthest = 0.0;
+    for (int k = 0; k < 300; ++k) {
+      const double t = flight.now() - kStart;
+      const Eigen::Vector2d other(0.0, robot ? -1.0 + 0.2 * std::min(t, 10.0) : 0.0);
+      if (robot) control.see_robot("other", flight.now(), other, {0.0, t < 10.0 ? 0.2 : 0.0});
+      const testing::FlightRow row = flight.period();
+      EXPECT_EQ(row.decision.mode, ControlMode::kSolved) << k << name_of(row.decision.solve.status);
+      nearest = std::min(nearest, (row.truth.p_WC - other).norm());
+      furthest = std::max(furthest, row.truth.p_WC.x());
+    }
+    std::printf("%s, %s: nearest %.3f m, furthest %.3f m\n", GetParam().c_str(), flown.name, nearest,
+                furthest);
+    if (obstacle) {
+      EXPECT_GT(nearest, 0.38);
+    }
+    if (robot) {
+      EXPECT_GT(nearest, 0.57);
+    }
+    const Eigen::Vector2d end = flight.truth().p_WC;
+    if (area) {
+      // Soft: pulled by a goal 1.5 m beyond the wall it rests a little before it.
+      EXPECT_LT(furthest, 0.53);
+      EXPECT_GT(end.x(), 0.4);
+      EXPECT_NEAR(end.y(), flown.goal.y(), 0.02);
+    } else {
+      EXPECT_LT((end - flown.goal).norm(), 0.02);
     }
   }
 }

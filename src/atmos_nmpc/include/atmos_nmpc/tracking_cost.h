@@ -59,6 +59,9 @@ struct Disc {
   Eigen::Vector2d step_m = Eigen::Vector2d::Zero();  // how far it moves per stage
 };
 struct Places {
+  // In place of the soft bounds' quadratic weight, 1/m^2. What pulls a plan through an obstacle is the whole
+  // way that it saves, by way of the terminal weight: tens of times the price of a state bound.
+  double penalty_quadratic = 2e5;
   std::vector<HalfPlane> walls;  // of the area to keep in
   std::vector<Disc> obstacles;
 };
@@ -86,13 +89,18 @@ class TrackingCost {
                      const PlanarWeight& planar_terminal);
 
   // Soft constraints on the position, with the penalty of the soft bounds.
-  void set_places(const Places& places) { places_ = places; }
+  void set_places(const Places& places) {
+    places_ = places;
+    place_penalty_ = bounds_;
+    place_penalty_.quadratic = places.penalty_quadratic;
+  }
   const Places& places() const { return places_; }
 
   // Of the state at the start of stage k; the terminal weight is that of the last state.
   double value(const State& x, int k, bool terminal) const;
-  // Adds factor times the gradient, and the lower triangle of the Hessian. An obstacle's own curvature, which
-  // bends the wrong way, is left out of the Hessian: the solver would have to regularise it away.
+  // Adds factor times the gradient, and the lower triangle of the Hessian. An obstacle bends the wrong way;
+  // it is for the solver to regularise that where it must: without it steps near an obstacle are so wrong
+  // that the iteration limit is reached.
   void add_gradient(const State& x, int k, bool terminal, double factor, State& gradient) const;
   void add_hessian(const State& x, int k, bool terminal, double factor, Hessian& H) const;
 
@@ -107,15 +115,16 @@ class TrackingCost {
     Eigen::Matrix4d attitude;  // second derivative of the attitude's part, kVector
   };
   const Stage& at(int k) const { return stages_[std::min(static_cast<std::size_t>(k), stages_.size() - 1)]; }
-  // Calls visit(violation [m], its gradient) for every wall and obstacle at stage k.
+  // Calls visit(violation [m], its gradient n, bend) for every wall and obstacle at stage k; its Hessian is
+  // -bend (I - n n').
   template <class Visit>
   void for_each_place(const State& x, int k, const Visit& visit) const {
     const Eigen::Vector2d p = x.head<2>();
-    for (const HalfPlane& wall : places_.walls) visit(wall.outward.dot(p) - wall.limit_m, wall.outward);
+    for (const HalfPlane& wall : places_.walls) visit(wall.outward.dot(p) - wall.limit_m, wall.outward, 0.0);
     for (const Disc& disc : places_.obstacles) {
       const Eigen::Vector2d from_center = p - disc.center_m - static_cast<double>(k) * disc.step_m;
       const double distance = std::max(from_center.norm(), 1e-6);
-      visit(disc.radius_m - distance, Eigen::Vector2d(-from_center / distance));
+      visit(disc.radius_m - distance, Eigen::Vector2d(-from_center / distance), 1.0 / distance);
     }
   }
   // Quadratic part's gradient, kPaper's apart.
@@ -125,6 +134,7 @@ class TrackingCost {
   TrackingWeights weights_;
   SoftBounds bounds_;
   Places places_;
+  SoftBounds place_penalty_;
   std::vector<Stage> stages_;  // never empty
   // Second derivatives of the quadratic part: of a stage without the attitude, and all of the terminal one.
   State diagonal_;
