@@ -30,7 +30,7 @@ void row(const std::string& name, std::vector<double> values_ms) {
   std::sort(values_ms.begin(), values_ms.end());
   const std::size_t n = values_ms.size();
   std::printf(
-      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.3f, \"p99\": %.3f, \"max\": %.3f, \"n\": %zu}\n",
+      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.5f, \"p99\": %.5f, \"max\": %.5f, \"n\": %zu}\n",
       name.c_str(), values_ms[n / 2], values_ms[std::min(n - 1, n * 99 / 100)], values_ms.back(), n);
   std::fflush(stdout);
 }

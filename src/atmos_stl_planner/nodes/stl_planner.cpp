@@ -20,7 +20,7 @@ namespace atmos::stl {
 namespace {
 
 constexpr double kCheck_s = 0.5;       // between two looks at the prediction
-constexpr double kPlanAhead_s = 2.0;   // a new plan starts this long after the sample it is made from
+constexpr double kGain_m = 0.01;       // a new plan must be able to bring more than this
 constexpr double kDiagnosis_s = 10.0;  // wall time for saying why there is no plan
 
 double steady_seconds() {
@@ -30,12 +30,13 @@ double steady_seconds() {
 class PlannerNode {
  public:
   PlannerNode(const Specification& spec, MilpSolver& solver, const Plan& plan, double t0_s,
-              double replan_below_m)
+              double replan_below_m, double plan_ahead_s)
       : spec_(spec),
         solver_(solver),
         plan_(plan),
         t0_s_(t0_s),
         replan_below_m_(replan_below_m),
+        plan_ahead_s_(plan_ahead_s),
         supervisor_(spec, plan.motion),
         odometry_(node_, spec, [this](double stamp, const auto& p) { on_sample(stamp, p); }) {
     plan_pub_ = node_.advertise<atmos_msgs::StlPlan>("stl/plan", 10, true);
@@ -58,7 +59,7 @@ class PlannerNode {
  private:
   struct Next {
     Plan plan;
-    double from_s;
+    double from_s, predicted_m;
   };
 
   void publish_plan() {
@@ -75,23 +76,24 @@ class PlannerNode {
       if (next_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) take(next_.get(), time);
       return;
     }
-    if (time < next_check_s_ || time > spec_.horizon_s - kPlanAhead_s) return;
+    if (time < next_check_s_ || time > spec_.horizon_s - plan_ahead_s_) return;
     next_check_s_ = time + kCheck_s;
     const std::optional<double> predicted = supervisor_.predicted_m();
     if (!predicted || *predicted >= replan_below_m_ || lost_) return;
-    const double from = supervisor_.last_s() + kPlanAhead_s;
+    const double from = supervisor_.last_s() + plan_ahead_s_;
     const std::optional<Past> past = supervisor_.past_at(from);
     if (!past) return;
     // No use in planning for what the past has made impossible.
-    if (robustness_bound(spec_, Scope::all(spec_), &*past) < spec_.planner.min_robustness_m) {
+    const double bound = robustness_bound(spec_, Scope::all(spec_), &*past);
+    if (bound < spec_.planner.min_robustness_m) {
       lost_ = true;
       ROS_ERROR("%s: robustness %.3f m is lost, no plan can bring it back", spec_.name.c_str(), *predicted);
-      return;
     }
+    if (lost_ || bound < *predicted + kGain_m || *predicted > settled_m_ - kGain_m) return;
     ROS_WARN("%s: robustness predicted at %.1f s is %.3f m: planning anew", spec_.name.c_str(), time,
              *predicted);
-    next_ = std::async(std::launch::async, [this, past = *past, from] {
-      return Next{Planner(spec_, solver_, steady_seconds).plan(&past), from};
+    next_ = std::async(std::launch::async, [this, past = *past, from, expected = *predicted] {
+      return Next{Planner(spec_, solver_, steady_seconds).plan(&past), from, expected};
     });
   }
 
@@ -103,6 +105,12 @@ class PlannerNode {
     if (time_s > next.from_s) {
       ROS_WARN("%s: the new plan came %.1f s late: the old one is followed", spec_.name.c_str(),
                time_s - next.from_s);
+      return;
+    }
+    if (next.plan.certificate.robustness_m < next.predicted_m + kGain_m) {
+      settled_m_ = next.predicted_m;
+      ROS_WARN("%s: no plan from %.1f s on has more than %.3f m: the old one is followed", spec_.name.c_str(),
+               next.from_s, next.plan.certificate.robustness_m);
       return;
     }
     plan_ = next.plan;
@@ -120,9 +128,10 @@ class PlannerNode {
   const Specification spec_;
   MilpSolver& solver_;
   Plan plan_;
-  double t0_s_, from_s_ = 0.0, replan_below_m_;
+  double t0_s_, from_s_ = 0.0, replan_below_m_, plan_ahead_s_;
   double next_check_s_ = 0.0;
   bool lost_ = false;
+  double settled_m_ = kUnbounded;  // predicted when a new plan brought nothing: tried again only below it
   std::uint32_t replans_ = 0;
   Supervisor supervisor_;
   std::future<Next> next_;
@@ -134,6 +143,7 @@ class PlannerNode {
 int refuse(const Specification& spec, MilpSolver& solver, const Plan& plan) {
   std::fprintf(stderr, "%s: no certified plan%s\n", spec.path.c_str(),
                plan.status == PlanStatus::kTimeLimit ? " within the time limit" : "");
+  if (!plan.method.empty()) std::fprintf(stderr, "%s\n", plan.method.c_str());
   if (plan.status == PlanStatus::kInfeasible) {
     Diagnosis diagnosis(spec, solver, steady_seconds);
     const Conflict conflict = diagnosis.conflict(kDiagnosis_s);
@@ -152,13 +162,14 @@ int run() {
       load_specification(required_parameter<std::string>(private_node, "specification"));
   const double delay = private_node.param("start_delay_s", 5.0);
   const double replan_below = private_node.param("replan_below_m", 0.0);
+  const double plan_ahead = private_node.param("plan_ahead_s", 2.0);
   const auto solver = make_choice_search(make_cbc(), steady_seconds);
   const Plan plan = Planner(spec, *solver, steady_seconds).plan();
   if (plan.status != PlanStatus::kPlanned) return refuse(spec, *solver, plan);
   ROS_INFO("%s: robustness %.3f m of %.3f m possible, planned in %.2f s, %s", spec.name.c_str(),
            plan.certificate.robustness_m, plan.bound_m, plan.total_s, plan.method.c_str());
   ros::Time::waitForValid();
-  PlannerNode node(spec, *solver, plan, ros::Time::now().toSec() + delay, replan_below);
+  PlannerNode node(spec, *solver, plan, ros::Time::now().toSec() + delay, replan_below, plan_ahead);
   ros::spin();
   return 0;
 }

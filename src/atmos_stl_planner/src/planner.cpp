@@ -295,6 +295,8 @@ struct Planner::Search {
     const FreeTimeResult result = plan_in_free_time(spec, solver, left());
     limited = limited || result.status == MilpStatus::kLimit;
     failed = failed || result.status == MilpStatus::kFailed;
+    if (!result.unsupported.empty())
+      best.method = "the free-time encoding does not cover " + result.unsupported;
     if (result.motion.empty()) return;
     publish(result.motion, "free time: acceleration is penalised, not bounded", 0.0, result.robustness_m);
   }

@@ -86,6 +86,7 @@ int main(int argc, char** argv) {
     if (plan.status != PlanStatus::kInfeasible) {
       std::fprintf(stderr, "%s: no certified plan %s\n", path.c_str(),
                    plan.status == PlanStatus::kTimeLimit ? "within the time limit" : "was found");
+      if (!plan.method.empty()) std::fprintf(stderr, "%s\n", plan.method.c_str());
       return 1;
     }
     Diagnosis diagnosis(spec, *solver, seconds);

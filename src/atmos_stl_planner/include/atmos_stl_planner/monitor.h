@@ -17,9 +17,10 @@ struct ClauseState {
   Verdict verdict;  // never changes again once it is not open
 };
 
-// Positions between samples are interpolated linearly. The future is bounded by the workspace: no predicate
-// is more or less than it can be inside. Clauses that are an eventually or an always of predicates cost the
-// same at every sample; others are evaluated anew on a grid of 0.1 s.
+// Formulas are evaluated at the samples and, interpolated linearly, at the ends of windows. The future is
+// bounded by the workspace: no predicate is more or less than it can be inside. Clauses that are an
+// eventually or an always of predicates cost the same at every sample; others are evaluated anew on a grid of
+// 0.1 s.
 class Monitor {
  public:
   explicit Monitor(const Specification& specification);
