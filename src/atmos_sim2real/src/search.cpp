@@ -8,6 +8,7 @@
 #include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/laws.h"
 #include "atmos_sim2real/onset.h"
+#include "atmos_sim2real/patch.h"
 
 namespace atmos {
 
@@ -180,6 +181,8 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
   constexpr int kMost = 4;
   constexpr double kEnough = 2.0;  // nats
   for (int round = 0; round < kMost; ++round) {
+    for (std::size_t i = 0; round == 0 && i < current.effects.size(); ++i)
+      current = refine_patch(problem, std::move(current), i, looseness);
     smooth_all(problem, current.effects, current.noise, looseness);
     const double before = current.log_likelihood;
     current = fit(problem, current.effects, current.free, current.noise,

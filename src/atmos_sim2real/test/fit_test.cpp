@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "atmos_sim2real/library.h"
+#include "atmos_sim2real/patch.h"
 #include "synthetic.h"
 
 namespace atmos {
@@ -48,6 +49,51 @@ TEST(Fit, RecoversCouplingAndTiltWithinTheirDeviations) {
         << fitted.free[p].name;
     EXPECT_LT(3.0 * deviation, 0.5 * std::abs(expected[p])) << "the flight says little";
   }
+}
+
+FrictionPatch disc(double coefficient, double x, double y, double radius) {
+  FrictionPatch patch;
+  patch.coefficient = coefficient;
+  patch.center_x_m = x;
+  patch.center_y_m = y;
+  patch.radius_m = radius;
+  return patch;
+}
+
+// Back and forth along x and y: a push of 0.5 s, a coast of 3 s, and the same push the other way.
+std::vector<ThrusterCommand> crossings(double duration_s) {
+  const std::vector<int> pushes[] = {{1, 3}, {2, 4}, {6, 8}, {5, 7}};  // +x, -x, +y, -y
+  std::vector<ThrusterCommand> commands;
+  for (int k = 0; k < static_cast<int>(duration_s / 0.1); ++k) {
+    const int leg = k / 50 % 4, within = k % 50;
+    // +x, -x, +y, -y; the last half of each leg brakes.
+    const int push = within < 5 ? leg : within >= 35 && within < 40 ? leg ^ 1 : -1;
+    ThrusterCommand command{kStart + 0.1 * k, 0.1, std::vector<double>(8, 0.0)};
+    if (push >= 0) {
+      for (const int thruster : pushes[push]) command.duty[static_cast<std::size_t>(thruster - 1)] = 1.0;
+    }
+    commands.push_back(command);
+  }
+  return commands;
+}
+
+TEST(Fit, FindsThePatchFromAWrongDisc) {
+  const Vehicle vehicle = nominal_vehicle();
+  const FrictionPatch truth = disc(4e-4, 0.1, 0.05, 0.3);
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {truth}, crossings(80.0), 32).recording);
+  const Problem problem{&vehicle, {}, &flights};
+  const NoiseModel noise = initial_noise(flights);
+  smooth_all(problem, {}, noise, 20.0);
+  FreeParameter coefficient{0, "coefficient", 0, 0.0, 2e-3, 2e-5};
+  const Fit wrong = evaluate(problem, {disc(2e-4, 0.22, -0.05, 0.42)}, {coefficient},
+                             profile_noise(problem, {}, noise, true));
+  const Fit found = refine_patch(problem, wrong, 0, 4.0);
+  const FrictionPatch& patch = std::get<FrictionPatch>(found.effects.front());
+  EXPECT_NEAR(patch.coefficient, truth.coefficient, 0.05 * truth.coefficient);
+  EXPECT_NEAR(patch.center_x_m, truth.center_x_m, 0.03);
+  EXPECT_NEAR(patch.center_y_m, truth.center_y_m, 0.03);
+  EXPECT_NEAR(patch.radius_m, truth.radius_m, 0.03);
 }
 
 TEST(Fit, LikelihoodFallsAwayFromTheTruth) {
