@@ -80,7 +80,10 @@ class NmpcNode {
     sample.frames_match = message.header.frame_id == kWorldFrame && message.child_frame_id == base_frame_;
     feed([this, sample] {
       const double begin = steady_seconds();
-      publish(controller_.on_odometry(sample, ros::Time::now().toSec()), sample.stamp_s, begin);
+      // In lockstep simulated time waits for this answer, while roscpp may hand on its ticks much later: a
+      // clock that lags must not make the frame one of the future.
+      const double now = lockstep_ ? sample.stamp_s : ros::Time::now().toSec();
+      publish(controller_.on_odometry(sample, now), sample.stamp_s, begin);
     });
   }
 
