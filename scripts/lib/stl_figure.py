@@ -1,84 +1,78 @@
-"""Draws what a flight under a specification was worth: paths, and planned and executed robustness over time."""
-import argparse
-import sys
+"""Draws what a flight under a specification was worth, laid out like the paper's: paths in the plane and over time, and
+planned and executed robustness. And, for robots that flew together, their distance."""
+import itertools
 
-import matplotlib
-import rosbag
+import numpy as np
+from matplotlib.patches import Rectangle
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+import flight_metrics as metrics
+from figure_style import GREEN, GREY, ORANGE, RED, SERIES, subplots, thin
 
-
-def read(bag):
-    """Plan, monitor messages, and per robot the flown path (time, x, y) and the planned one."""
-    plan, monitor, flown, planned = None, [], {}, {}
-    with rosbag.Bag(bag) as opened:
-        for topic, message, _ in opened.read_messages():
-            robot = topic.split("/")[1]
-            if topic == "/stl/plan":
-                plan = message
-            elif topic == "/stl/monitor":
-                monitor.append(message)
-            elif topic.endswith("/sim/truth"):
-                p = message.pose.pose.position
-                flown.setdefault(robot, []).append((message.header.stamp.to_sec(), p.x, p.y))
-            elif topic.endswith("/trajectory") and message.points:
-                points = [(message.header.stamp.to_sec() + q.time_from_start.to_sec(), q.transforms[0].translation.x,
-                           q.transforms[0].translation.y) for q in message.points]
-                planned.setdefault(robot, []).append(points)
-    if plan is None or not monitor:
-        raise ValueError(f"{bag} holds no plan or no monitor")
-    return plan, monitor, flown, planned
+# On top of what was flown, which is a few millimetres away.
+PLANNED = {"color": "#111827", "linestyle": (0, (3, 3)), "linewidth": 0.9, "zorder": 3}
 
 
-def draw(bag, path):
-    """Writes the figure of one flight as PNG."""
-    plan, monitor, flown, planned = read(bag)
-    start = plan.header.stamp.to_sec()
-    figure, (plane, coordinates, robustness) = plt.subplots(1, 3, figsize=(16, 4.6))
-    for index, robot in enumerate(sorted(flown)):
-        color = f"C{index}"
-        for k, points in enumerate(planned.get(robot, [])):
-            label = f"{robot}, planned" if k == 0 else None
-            plane.plot([p[1] for p in points], [p[2] for p in points], "--", color=color, label=label)
-            for axis, width in ((1, 1.6), (2, 0.8)):
-                coordinates.plot([p[0] - start for p in points], [p[axis] for p in points], "--", color=color, lw=width)
-        points = [p for p in flown[robot] if p[0] >= start]
-        plane.plot([p[1] for p in points], [p[2] for p in points], color=color, label=f"{robot}, flown")
-        for axis, name, width in ((1, "x", 1.6), (2, "y", 0.8)):
-            coordinates.plot([p[0] - start for p in points], [p[axis] for p in points], color=color, lw=width,
+def _draw_regions(axes, specification):
+    for region in specification.get("regions", []):
+        (x, y), (w, h) = region["center_m"], region["size_m"]
+        obstacle = region["name"].lower().startswith("obs")
+        axes.add_patch(Rectangle((x - w / 2, y - h / 2), w, h, facecolor="#fca5a5" if obstacle else "#dbeafe", edgecolor="none",
+                                 alpha=0.7, zorder=0))
+        axes.annotate(region["name"], (x, y), ha="center", va="center", color="#374151", fontsize=9,
+                      fontweight="bold", zorder=1)
+
+
+def draw(recording):
+    """The figure of a recording that holds a plan and its monitor."""
+    plan, monitor, start = recording.stl.plan, recording.stl.monitor, recording.stl.start
+    figure, (plane, coordinates, robustness) = subplots(1, 3, figsize=(15, 4.7), gridspec_kw={"width_ratios": [1.1, 1, 1.1]})
+    _draw_regions(plane, recording.file("/stl_planner/specification") or {})
+    for color, (robot, flight) in zip(itertools.cycle(SERIES), recording.robots.items()):
+        shift, motion = flight.start - start, flight.motion
+        for trajectory in flight.trajectories:
+            plane.plot(trajectory.x, trajectory.y, **PLANNED)
+            for values in (trajectory.x, trajectory.y):
+                coordinates.plot(trajectory.time + shift, values, **PLANNED)
+        flown = motion.time + shift >= 0.0
+        plane.plot(*thin(motion.x[flown], motion.y[flown]), color=color, linewidth=2.2, label=robot)
+        for name, values, width in (("$x$", motion.x, 2.2), ("$y$", motion.y, 1.4)):
+            coordinates.plot(*thin(motion.time[flown] + shift, values[flown]), color=color, linewidth=width,
                              label=f"{robot} {name}")
-    plane.set(xlabel="x, m", ylabel="y, m", title="in the plane", aspect="equal")
-    coordinates.set(xlabel="s", ylabel="m", title="over time (dashed: planned)")
-    times = [m.time for m in monitor]
-    robustness.plot(plan.curve_time, plan.curve, "C2--", label="planned, at this time")
-    robustness.plot(times, [m.now for m in monitor], "C2", label="executed, at this time")
-    robustness.fill_between(times, [m.robustness_low for m in monitor], [m.robustness_high for m in monitor], color="C7",
-                            alpha=0.3, step="post", label="still possible")
-    robustness.axhline(plan.robustness, color="k", ls="--", lw=0.8, label=f"planned, {plan.robustness:.3f} m")
-    robustness.axhline(0.0, color="C3", lw=0.8)
-    final = monitor[-1].robustness_low
-    robustness.set(xlabel="s", ylabel="m", title=f"robustness, executed {final:.3f} m", ylim=(-0.6, 1.2))
-    for axes in (plane, coordinates, robustness):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    figure.suptitle(plan.specification)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    plane.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    plane.set_title("in the plane (dashed: planned)", loc="left")
+    coordinates.set(xlabel="time [s]", ylabel="position [m]")
+    coordinates.set_title("over time (dashed: planned)", loc="left")
+    for axes in (plane, coordinates):
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=4, fontsize=9)
+
+    time = np.array([m.time for m in monitor])
+    now, low, high = (np.array([getattr(m, name) for m in monitor]) for name in
+                      ("now", "robustness_low", "robustness_high"))
+    curve = np.array(plan.curve)
+    finite = np.concatenate([values[np.isfinite(values)] for values in (now, curve)] + [[plan.robustness, 0.0]])
+    bottom, top = finite.min() - 0.15, finite.max() + 0.25
+    robustness.fill_between(*thin(time, np.clip(low, bottom, top), np.clip(high, bottom, top)), color="#d1d5db", alpha=0.6,
+                            step="post", label="still possible", linewidth=0)
+    robustness.plot(*thin(time, now), color=GREEN, linewidth=2.2, label="executed, at this time")
+    robustness.plot(plan.curve_time, curve, label="planned, at this time", **PLANNED)
+    robustness.axhline(plan.robustness, color=ORANGE, linewidth=1.1, label=f"planned, {plan.robustness:.3f} m")
+    robustness.axhline(0.0, color=RED, linewidth=0.9)
+    robustness.set(xlabel="time [s]", ylabel="robustness [m]", ylim=(bottom, top))
+    last = monitor[-1]
+    robustness.set_title(f"robustness, executed {last.robustness_low:.3f} m"
+                         + ("" if last.robustness_low == last.robustness_high else " (not decided)"), loc="left")
+    robustness.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=9)
+    return figure
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bag", help="stl.bag of a flight")
-    parser.add_argument("out", help="PNG file")
-    args = parser.parse_args()
-    try:
-        draw(args.bag, args.out)
-    except (OSError, ValueError, rosbag.ROSBagException) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-
-
-if __name__ == "__main__":
-    main()
+def draw_separation(recording):
+    """Distance of the centres of each pair of robots over time."""
+    figure, axes = subplots(figsize=(11, 3.2))
+    for color, (first, second) in zip(itertools.cycle(SERIES), itertools.combinations(recording.robots, 2)):
+        time, distance = metrics.separation(recording.robots[first], recording.robots[second])
+        axes.plot(*thin(time, distance), color=color, label=f"{first} and {second}, least {distance.min():.2f} m")
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    axes.set(xlabel="time [s]", ylabel="distance of the centres [m]")
+    axes.set_title("distance between robots", loc="left")
+    axes.legend(loc="best", fontsize=9)
+    return figure

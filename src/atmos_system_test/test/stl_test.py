@@ -8,6 +8,8 @@ import rosbag
 import rosunit
 
 import harness
+import figure_style
+import flight_report
 import stl_figure
 
 PLANNED, SATISFIED = 0, 1
@@ -59,8 +61,7 @@ class Stl(unittest.TestCase):
             self.assertLessEqual(later.robustness_high, earlier.robustness_high + 1e-9)
         if len(robots) > 1:
             self.assertGreater(least_distance(bag, robots), 0.4)  # the sum of two radii
-        figure = os.path.join(folder, "robustness.png")
-        stl_figure.draw(bag, figure)
+        (figure,) = figure_style.write(stl_figure.draw(flight_report.read([bag])), folder, "robustness", ["png"])
         self.assertGreater(os.path.getsize(figure), 10000)
         print(f"{scenario}: planned {plan.robustness:.4f} m, executed {last.robustness_low:.4f} m")
 
