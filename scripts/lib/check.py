@@ -79,7 +79,7 @@ def check_layering(package):
     for path in sources(package, ("include", "src")):
         for number, text in find_lines(path, CLOCK):
             violation(path, number, f"a core must not read a clock: {text}")
-    for path in sources(package, ("nodes",)):
+    for path in sources(package, ("nodes", "rviz")):
         with open(path) as source:
             length = len(source.readlines())
         if length > 300:
@@ -114,7 +114,7 @@ def check_format(packages):
     if not tool:
         print("check: clang-format is not installed; formatting not checked")
         return
-    files = [path for p in packages for path in sources(p, ("include", "src", "nodes", "tools", "test", "benchmark"))]
+    files = [path for p in packages for path in sources(p, ("include", "src", "nodes", "rviz", "tools", "test", "benchmark"))]
     if not files:
         return
     result = subprocess.run([tool, "--dry-run", "--ferror-limit=1"] + files, stderr=subprocess.PIPE, text=True)
