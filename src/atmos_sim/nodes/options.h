@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "atmos_model/scenario.h"
-#include "connections.h"
+#include "atmos_model_ros/connections.h"
 
 namespace atmos {
 

@@ -13,9 +13,9 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "atmos_model_ros/connections.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_sim/simulation.h"
-#include "connections.h"
 #include "options.h"
 #include "robot_topics.h"
 
@@ -142,22 +142,10 @@ class SimNode {
   }
 
   bool wait_for_connections() {
-    const ros::WallTime limit = ros::WallTime::now() + ros::WallDuration(options_.answer_limit_s);
-    auto missing = options_.wait_for;
-    while (ros::ok()) {
+    return atmos::wait_for_connections(options_.wait_for, options_.answer_limit_s, "sim", [this] {
       publish_clock(kStart);
-      missing.erase(std::remove_if(missing.begin(), missing.end(), is_connected), missing.end());
-      if (missing.empty()) return true;
-      if (ros::WallTime::now() > limit) {
-        for (const Connection& connection : missing)
-          std::fprintf(stderr, "sim: no connection after %.3g s: node %s does not receive topic %s\n",
-                       options_.answer_limit_s, connection.node.c_str(), connection.topic.c_str());
-        return false;
-      }
       spin_for(0.02);
-      ros::WallDuration(0.02).sleep();
-    }
-    return false;
+    });
   }
 
   bool wait_for_answers(double stamp_s) {

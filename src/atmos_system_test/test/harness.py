@@ -114,13 +114,14 @@ class Launch:
 
 
 def fly(scenario, limit_s=120.0, **arguments):
-    """Flies a scenario to its end with sim.launch; returns (bag, log). AssertionError when it did not get there."""
+    """Flies a scenario to its end with sim.launch; returns (bag, log). AssertionError when it did not get there. With
+    split_s or split_mb the bag's name is that of the files without _0, _1, ..."""
     folder = scratch()
     bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
     with Launch("sim.launch", scenario=scenario, record=bag, summary=summary, **arguments) as launch:
         log = launch.wait(limit_s)
     assert os.path.exists(summary), f"the flight did not reach its end:\n{log}"
-    assert os.path.exists(bag), f"no recording:\n{log}"
+    assert os.path.exists(bag) or os.path.exists(bag.replace(".bag", "_0.bag")), f"no recording:\n{log}"
     return bag, log
 
 
