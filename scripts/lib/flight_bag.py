@@ -191,6 +191,12 @@ def _messages(found, name):
     return [by_stamp[stamp] for stamp in sorted(by_stamp)]
 
 
+def _split(topic):
+    """(robot, name) of a topic; what serves all robots stands in no namespace."""
+    robot, _, name = topic[1:].rpartition("/") if topic.count("/") < 2 else topic[1:].partition("/")
+    return robot, name
+
+
 def _flight(paths, robot, found):
     """The flight of one robot out of its messages; None when nothing moved in it."""
     motion, source = _motion(found)
@@ -234,7 +240,7 @@ def read(paths):
             with rosbag.Bag(path) as bag:
                 present = bag.get_type_and_topic_info().topics
                 topics |= set(present)
-                wanted = {topic: tuple(topic[1:].split("/", 1)) for topic in present if topic[1:].split("/", 1)[-1] in NAMES}
+                wanted = {topic: _split(topic) for topic in present if _split(topic)[1] in NAMES}
                 stl = [topic for topic in ("/stl/plan", "/stl/monitor") if topic in present]
                 for topic, message, received in bag.read_messages(topics=list(wanted) + stl):
                     if topic == "/stl/plan":

@@ -38,17 +38,29 @@ def write_scenario(folder, name="scenario", **changes):
 
 
 class Launch:
-    """A running launch file. Leaves no process behind, whatever happens."""
+    """A running launch file. Leaves no process behind, whatever happens. `joins` another launch: its master is used.
+    `through`: the program that starts it."""
 
-    def __init__(self, launch_file, **arguments):
+    def __init__(self, launch_file, joins=None, through="roslaunch", **arguments):
+        self.joined = joins is not None
+        self.port = joins.port if joins else self._free_port()
+        self.master = f"http://localhost:{self.port}"
+        self.environment = {**os.environ, "ROS_MASTER_URI": self.master}
+        self.log = tempfile.NamedTemporaryFile("w", suffix=".log")
+        command = [through] + ([] if joins else ["--port", str(self.port)]) + [os.path.join(ROOT, "launch", launch_file)]
+        self.process = subprocess.Popen(command + [f"{k}:={v}" for k, v in arguments.items()], stdout=self.log,
+                                        stderr=subprocess.STDOUT, env=self.environment)
+
+    @staticmethod
+    def _free_port():
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
-        self.master = f"http://localhost:{self.port}"
-        self.log = tempfile.NamedTemporaryFile("w", suffix=".log")
-        command = ["roslaunch", "--port", str(self.port), os.path.join(ROOT, "launch", launch_file)]
-        self.process = subprocess.Popen(command + [f"{k}:={v}" for k, v in arguments.items()], stdout=self.log,
-                                        stderr=subprocess.STDOUT, env={**os.environ, "ROS_MASTER_URI": self.master})
+            return probe.getsockname()[1]
+
+    def call(self, service, *arguments):
+        """Calls a service of a node under this launch's master."""
+        subprocess.run(["rosservice", "call", service, *arguments], check=True, timeout=30.0, env=self.environment,
+                       stdout=subprocess.DEVNULL)
 
     def wait(self, limit_s):
         """The log once the launch has ended by itself; TimeoutError with the log when it has not."""
@@ -97,11 +109,21 @@ class Launch:
                     return pid
         raise LookupError(f"no node {name}")
 
+    @staticmethod
+    def says(pid, *words):
+        """Whether a word stands in the process's command line."""
+        with open(f"/proc/{pid}/cmdline") as file:
+            text = file.read()
+        return any(word in text for word in words)
+
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
         self.stop()
+        if self.joined:
+            self.log.close()
+            return  # what it leaves behind, the launch it joined finds
         deadline = time.monotonic() + 5.0
         while self.processes() and time.monotonic() < deadline:
             time.sleep(0.1)

@@ -3,7 +3,6 @@
 the line close the valves until the flight goes on by itself. ATMOS_LONG_TESTS=1: the paper's whole sequence."""
 import math
 import os
-import subprocess
 import time
 import unittest
 
@@ -57,10 +56,6 @@ class Serial(unittest.TestCase):
                 for message in harness.messages(bag, "thruster_command")[20:]:
                     np.testing.assert_allclose(message.duty, told[round(harness.stamp(message), 1)], atol=1e-4)
 
-    def call(self, launch, service, *arguments):
-        subprocess.run(["rosservice", "call", service, *arguments], check=True, timeout=20.0,
-                       env={**os.environ, "ROS_MASTER_URI": launch.master}, stdout=subprocess.DEVNULL)
-
     def test_an_unplugged_cable_and_a_reboot_are_recovered_from(self):
         folder = harness.scratch()
         scenario = harness.write_scenario(folder, duration_s=30.0, setpoints=STEP, controller=controller("rate"))
@@ -70,13 +65,13 @@ class Serial(unittest.TestCase):
             while "t = 5 /" not in launch.text():
                 time.sleep(0.1)
                 self.assertIsNone(launch.process.poll(), launch.text())
-            self.call(launch, "/atmos/pixhawk_emulator/unplug", "true")
+            launch.call("/atmos/pixhawk_emulator/unplug", "true")
             time.sleep(3.0)
-            self.call(launch, "/atmos/pixhawk_emulator/unplug", "false")
+            launch.call("/atmos/pixhawk_emulator/unplug", "false")
             while "t = 15 /" not in launch.text():
                 time.sleep(0.1)
                 self.assertIsNone(launch.process.poll(), launch.text())
-            self.call(launch, "/atmos/pixhawk_emulator/reboot")
+            launch.call("/atmos/pixhawk_emulator/reboot")
             log = launch.wait(60.0)
 
         states = harness.messages(bag, "px4/supervisor")
