@@ -61,7 +61,7 @@ Size size_of(const Effect& effect, double flown_s) {
 
 std::map<std::string, Detectable> smallest_detectable(const Problem& problem, const Fit& final,
                                                       const std::vector<Hypothesis>& library,
-                                                      double accept_gain) {
+                                                      const SearchOptions& options) {
   double flown = 0.0;
   for (const Flight& flight : *problem.flights) flown += flight.recording().duration_s();
 
@@ -78,6 +78,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
   }
   Hypothesis vibration;
   vibration.kind = FloorVibration::kKind;
+  vibration.local = true;
   FloorVibration swing;
   swing.amplitude_n = 1.0;
   swing.frequency_hz = 1.0;
@@ -95,7 +96,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
     for (const Screened& screened : screen(problem, beside_others(final, claimed), hypotheses)) {
       const Hypothesis& hypothesis = *screened.hypothesis;
       const std::string& kind = hypothesis.kind;
-      const double nats = accept_gain + hypothesis.penalty;
+      const double nats = options.needed(hypothesis) + hypothesis.penalty;
       if (hypothesis.map) {
         offer(kind, screened.start.linear.front(),
               screened.widths[0] * field_size(screened.information, nats));
@@ -114,7 +115,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
       }
     }
   }
-  offer(ExternalImpulse::kKind, "events", smallest_push(problem, final, accept_gain));
+  offer(ExternalImpulse::kKind, "events", smallest_push(problem, final, options.accept_gain_of_flexible));
   return smallest;
 }
 

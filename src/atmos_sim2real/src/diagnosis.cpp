@@ -214,7 +214,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   }
   if (!found.claims.empty()) out.where = locate(problem, gains);
 
-  out.smallest_detectable = smallest_detectable(problem, found.final, library, options.accept_gain);
+  out.smallest_detectable = smallest_detectable(problem, found.final, library, options);
 
   for (const Claim& claim : found.claims) {
     std::vector<std::string> same;

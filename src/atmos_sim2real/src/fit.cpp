@@ -356,14 +356,15 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
-  Eigen::MatrixXd H, data;
-  std::vector<Eigen::MatrixXd> J = empty_columns(current);
+  const bool known = current.linearisation != nullptr;
+  std::vector<Eigen::MatrixXd> J = known ? current.linearisation->columns : empty_columns(current);
+  Eigen::MatrixXd H, data = known ? current.linearisation->information : Eigen::MatrixXd();
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     fill_columns(
         problem, current, current.free,
-        [&](const FreeParameter& free) { return iteration == 0 || !free.linear; }, J);
-    data = information(J, current.free, iteration == 0 ? nullptr : &data);
+        [&](const FreeParameter& free) { return (iteration == 0 && !known) || !free.linear; }, J);
+    data = information(J, current.free, iteration == 0 && !known ? nullptr : &data);
     H = prior + data;
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];

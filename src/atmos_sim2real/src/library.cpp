@@ -1,9 +1,9 @@
 #include "atmos_sim2real/library.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "atmos_sim2real/floor_field.h"
 #include "atmos_sim2real/laws.h"
 
 namespace atmos {
@@ -23,18 +23,6 @@ Hypothesis simple(const E& effect, std::vector<FreeParameter> free) {
   hypothesis.starts.push_back({effect, names});
   hypothesis.free = std::move(free);
   return hypothesis;
-}
-
-// A grid that covers the visited area and the bearings' reach around it.
-Grid grid_over(const Box& box, double margin, double spacing, std::size_t& nx, std::size_t& ny) {
-  const auto nodes = [&](double length) {
-    return static_cast<std::size_t>(std::max(2.0, std::ceil((length + 2.0 * margin) / spacing) + 1.0));
-  };
-  nx = nodes(box.x1 - box.x0);
-  ny = nodes(box.y1 - box.y0);
-  const double x0 = 0.5 * (box.x0 + box.x1) - 0.5 * spacing * static_cast<double>(nx - 1);
-  const double y0 = 0.5 * (box.y0 + box.y1) - 0.5 * spacing * static_cast<double>(ny - 1);
-  return Grid{{x0, y0}, spacing};
 }
 
 void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights,
@@ -68,61 +56,38 @@ void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& 
   }
 }
 
-// What is plausible of a map: a smooth random field.
-struct Field {
-  double deviation;  // in the map's unit
-  double length_m;   // over which it changes
-  double spacing_m() const { return 0.4 * length_m; }
-};
-
-// Prior precision of a field's nodes (Matern 5/2), row by row.
-std::shared_ptr<const Eigen::MatrixXd> field_precision(const Field& field, std::size_t nx, std::size_t ny) {
-  const auto n = static_cast<Eigen::Index>(nx * ny);
-  Eigen::MatrixXd covariance(n, n);
-  for (Eigen::Index a = 0; a < n; ++a) {
-    for (Eigen::Index b = 0; b < n; ++b) {
-      const auto width = static_cast<Eigen::Index>(nx);
-      const double steps =
-          std::hypot(static_cast<double>(a % width - b % width), static_cast<double>(a / width - b / width));
-      const double r = std::sqrt(5.0) * steps * field.spacing_m() / field.length_m;
-      covariance(a, b) = field.deviation * field.deviation * (1.0 + r + r * r / 3.0) * std::exp(-r);
-    }
-    covariance(a, a) += 1e-4 * field.deviation * field.deviation;  // keeps it well conditioned
-  }
-  return std::make_shared<Eigen::MatrixXd>(covariance.llt().solve(Eigen::MatrixXd::Identity(n, n)));
-}
-
-void free_nodes(Hypothesis& map, const std::string& name, const Field& field, std::size_t nx,
-                std::size_t ny) {
-  const auto joint = field_precision(field, nx, ny);
-  for (std::size_t node = 0; node < nx * ny; ++node)
+void free_nodes(Hypothesis& map, const std::string& name, const Field& field, const Lattice& lattice) {
+  const auto joint = std::make_shared<const Eigen::MatrixXd>(precision(field, lattice));
+  for (std::size_t node = 0; node < lattice.nodes(); ++node)
     map.free.push_back({0, name, node, 0.0, field.deviation, 0.1 * field.deviation, true, joint});
 }
 
-Hypothesis unevenness(const Box& box, const Field& field) {
+Hypothesis unevenness(const Box& box) {
+  const Field field{6e-4, 0.7};
+  const Lattice lattice = lattice_over(box, 0.2, affordable_spacing(box, 0.2, 0.15, 150));
   FloorUnevenness floor;
-  std::size_t nx, ny;
-  floor.grid = grid_over(box, 0.2, field.spacing_m(), nx, ny);
-  floor.height_m.assign(ny, std::vector<double>(nx, 0.0));
+  floor.grid = lattice.grid;
+  floor.height_m.assign(lattice.rows, std::vector<double>(lattice.columns, 0.0));
   Hypothesis hypothesis;
   hypothesis.kind = FloorUnevenness::kKind;
   hypothesis.map = true;
   hypothesis.starts.push_back({floor, {"height_m"}});
-  free_nodes(hypothesis, "height_m", field, nx, ny);
+  free_nodes(hypothesis, "height_m", field, lattice);
   return hypothesis;
 }
 
-Hypothesis airflow(const Box& box, const Field& field) {
+Hypothesis airflow(const Box& box) {
+  const Field field{0.05, 1.2};
+  const Lattice lattice = lattice_over(box, 0.0, affordable_spacing(box, 0.0, 0.25, 80));
   Airflow wind;
-  std::size_t nx, ny;
-  wind.grid = grid_over(box, 0.0, field.spacing_m(), nx, ny);
-  wind.force_x_n.assign(ny, std::vector<double>(nx, 0.0));
+  wind.grid = lattice.grid;
+  wind.force_x_n.assign(lattice.rows, std::vector<double>(lattice.columns, 0.0));
   wind.force_y_n = wind.force_x_n;
   Hypothesis hypothesis;
   hypothesis.kind = Airflow::kKind;
   hypothesis.map = true;
   hypothesis.starts.push_back({wind, {"force_x_n", "force_y_n"}});
-  for (const std::string name : {"force_x_n", "force_y_n"}) free_nodes(hypothesis, name, field, nx, ny);
+  for (const std::string name : {"force_x_n", "force_y_n"}) free_nodes(hypothesis, name, field, lattice);
   return hypothesis;
 }
 
@@ -190,18 +155,6 @@ Hypothesis slosh() {
 
 }  // namespace
 
-std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Flight>& flights) {
-  const Box box = visited(flights);
-  std::vector<Hypothesis> others;
-  if (map.kind == FloorUnevenness::kKind) {
-    for (const Field field : {Field{1.2e-3, 0.7}, Field{8e-4, 1.2}, Field{6e-4, 0.5}})
-      others.push_back(unevenness(box, field));
-  } else if (map.kind == Airflow::kKind) {
-    for (const Field field : {Field{0.05, 2.0}, Field{0.05, 0.7}}) others.push_back(airflow(box, field));
-  }
-  return others;
-}
-
 bool same_subject(const Hypothesis& a, const Hypothesis& b) {
   return a.kind == b.kind && a.thruster == b.thruster && a.law == b.law;
 }
@@ -251,8 +204,8 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(FloorTilt{},
                        {free_scalar("slope_x", 0.0, 8e-4, 1e-5), free_scalar("slope_y", 0.0, 8e-4, 1e-5)}));
   const Box box = visited(flights);
-  all.push_back(unevenness(box, {6e-4, 0.7}));
-  all.push_back(airflow(box, {0.05, 1.2}));
+  all.push_back(unevenness(box));
+  all.push_back(airflow(box));
   all.push_back(tether(box));
   all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 0.4, 1e-3),
                                        free_scalar("angular_n_m_s", 0.0, 0.01, 1e-4)}));

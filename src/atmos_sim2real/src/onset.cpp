@@ -66,14 +66,18 @@ bool has_onset(const Fit& fit, std::size_t effect) {
 
 Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
   if (!has_onset(fit, effect)) return fit;
-  const std::vector<Weighed> weighed = weigh(problem, fit, effect);
-  if (weighed.empty()) return fit;
-  const Weighed& best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
-    return a.log_likelihood < b.log_likelihood;
-  });
-  std::vector<Effect> moved = fit.effects;
-  std::get<ThrusterDead>(moved[effect]).since_s = best.stretch.middle();
-  return evaluate(problem, std::move(moved), fit.free, fit.noise);
+  constexpr int kMostWays = 20;
+  for (int way = 0; way < kMostWays; ++way) {
+    const std::vector<Weighed> weighed = weigh(problem, fit, effect);
+    if (weighed.empty()) break;
+    const Weighed& best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
+      return a.log_likelihood < b.log_likelihood;
+    });
+    double& since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
+    if (since == best.stretch.middle()) break;
+    since = best.stretch.middle();
+  }
+  return evaluate(problem, std::move(fit.effects), std::move(fit.free), fit.noise);
 }
 
 double onset_deviation(const Problem& problem, const Fit& fit, std::size_t effect) {

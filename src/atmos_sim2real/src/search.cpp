@@ -7,12 +7,17 @@
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/laws.h"
+#include "atmos_sim2real/map_prior.h"
 #include "atmos_sim2real/onset.h"
 #include "atmos_sim2real/patch.h"
 
 namespace atmos {
 
 double indistinct(double gain) { return std::clamp(0.05 * gain, 3.0, 10.0); }
+
+double SearchOptions::needed(const Hypothesis& hypothesis) const {
+  return hypothesis.local || hypothesis.map ? accept_gain_of_flexible : accept_gain;
+}
 
 bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) {
   return std::any_of(claims.begin(), claims.end(),
@@ -36,17 +41,22 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   return extended;
 }
 
+bool over_the_floor(const Effect& effect) {
+  return std::holds_alternative<FloorUnevenness>(effect) || std::holds_alternative<Airflow>(effect);
+}
+
 // Fits the current model with one screened hypothesis.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate,
-              FitEffort effort = FitEffort::kThorough) {
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, effort);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
   if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
     fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
   }
+  if (over_the_floor(fitted.effects.back()))
+    fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
   const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
   return {hypothesis, std::move(fitted), gain};
 }
@@ -140,15 +150,22 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
   smooth_all(problem, current.effects, current.noise, looseness);
 }
 
-// Of candidates that explain the flights equally well, the one with the fewest parameters is named: friction
-// everywhere and not in a patch that happens to cover all that was visited.
+// Numbers that an effect takes; of a map so many, whatever its nodes, that one field is simpler than two.
+std::size_t complexity(const Hypothesis& hypothesis) {
+  constexpr std::size_t kField = 1000;
+  return hypothesis.map ? kField * hypothesis.starts.front().linear.size() : hypothesis.free.size();
+}
+
+// Of candidates that explain the flights equally well, the simplest is named: friction everywhere and not in
+// a patch that happens to cover all that was visited, an uneven floor and not a wind that blows as its
+// slopes.
 void simplest_of_equals_first(std::vector<Tried>& tried) {
   if (tried.empty()) return;
   const double least = tried.front().gain - indistinct(tried.front().gain);
   const auto end =
       std::find_if(tried.begin(), tried.end(), [&](const Tried& other) { return other.gain < least; });
   const auto simplest = std::min_element(tried.begin(), end, [](const Tried& a, const Tried& b) {
-    return a.hypothesis.free.size() < b.hypothesis.free.size();
+    return complexity(a.hypothesis) < complexity(b.hypothesis);
   });
   std::rotate(tried.begin(), simplest, simplest + 1);
 }
@@ -157,6 +174,7 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
 std::string objection_to(const Problem& problem, const Tried& candidate, const BlockEvidence& blocks,
                          const Fit& current, const std::vector<Claim>& claims,
                          const OpenLoopError& nominal_error, const SearchOptions& options) {
+  if (candidate.gain < options.needed(candidate.hypothesis)) return "has too little evidence for its freedom";
   // What happened once, or lies in one place, cannot help where a fit has not seen it.
   if (!candidate.hypothesis.local &&
       (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion))
@@ -181,8 +199,10 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
   constexpr int kMost = 4;
   constexpr double kEnough = 2.0;  // nats
   for (int round = 0; round < kMost; ++round) {
-    for (std::size_t i = 0; round == 0 && i < current.effects.size(); ++i)
+    for (std::size_t i = 0; round == 0 && i < current.effects.size(); ++i) {
+      current = refine_onset(problem, std::move(current), i);
       current = refine_patch(problem, std::move(current), i, looseness);
+    }
     smooth_all(problem, current.effects, current.noise, looseness);
     const double before = current.log_likelihood;
     current = fit(problem, current.effects, current.free, current.noise,
@@ -224,28 +244,6 @@ bool plainly_there(const Fit& fit, std::size_t index) {
       return true;
   }
   return false;
-}
-
-// The model whose last effect is a map, with the amplitude and length that have most evidence.
-Fit best_field(const Problem& problem, Fit current, std::vector<Claim>& claims,
-               const SearchOptions& options) {
-  Fit rest = current;
-  const std::size_t map = rest.effects.size() - 1;
-  rest.hold([&](const FreeParameter& free) { return free.effect == map; });
-  rest.effects.pop_back();
-  for (const Hypothesis& other : other_fields(claims.back().hypothesis, *problem.flights)) {
-    Screened start;
-    start.hypothesis = &other;
-    start.start = other.starts.front();
-    start.amplitude = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(other.free.size()));
-    Tried tried = attempt(problem, rest, start, FitEffort::kQuick);
-    options.progress("  " + label(other) +
-                     " as another field: " + std::to_string(tried.fit.evidence - current.evidence) + " nats");
-    if (tried.fit.evidence <= current.evidence) continue;
-    current = std::move(tried.fit);
-    claims.back().hypothesis = other;
-  }
-  return current;
 }
 
 // The best starts of the best hypotheses, and every map that is not hopeless.
@@ -394,8 +392,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
   for (;;) {
     std::vector<Hypothesis> open = unclaimed(library, claims);
-    for (const auto& found : {find_events(problem, current, options.accept_gain),
-                              find_oscillations(problem, current, options.accept_gain)}) {
+    for (const auto& found : {find_events(problem, current, options.accept_gain_of_flexible),
+                              find_oscillations(problem, current, options.accept_gain_of_flexible)}) {
       for (const Hypothesis& hypothesis : unclaimed(found, claims)) open.push_back(hypothesis);
     }
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
@@ -445,7 +443,6 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     // Velocities under the better model, then everything again at its noise.
     looseness = 4.0;
     current = settled(problem, std::move(current), looseness);
-    if (claims.back().hypothesis.map) current = best_field(problem, std::move(current), claims, options);
 
     // What came earlier must still be needed beside what came later.
     for (std::size_t i = 0; i + 1 < claims.size();) {
@@ -455,7 +452,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
       }
       const Fit reduced = without(problem, current, i);
       const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
-      if (worth >= options.accept_gain) {
+      if (worth >= options.needed(claims[i].hypothesis)) {
         ++i;
         continue;
       }
@@ -478,6 +475,9 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     claims[i].onset_deviation_s = onset_deviation(problem, current, i);
   merge_laws(current, claims);
   merge_floor(current, claims);
+  for (std::size_t i = 0; i < current.effects.size(); ++i) {
+    if (over_the_floor(current.effects[i])) current = continued(problem, std::move(current), i);
+  }
   result.final = std::move(current);
   return result;
 }

@@ -20,6 +20,6 @@ struct Detectable {
 // floor_vibration: at 1 Hz. Sizes are to first order, for the thruster and the start that show most.
 std::map<std::string, Detectable> smallest_detectable(const Problem& problem, const Fit& final,
                                                       const std::vector<Hypothesis>& library,
-                                                      double accept_gain);
+                                                      const SearchOptions& options);
 
 }  // namespace atmos

@@ -95,7 +95,7 @@ Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Eff
                                 std::size_t flight);
 
 // Gauss-Newton with step control from the given effects, at most `iterations` steps; bounds of the parameters
-// hold.
+// hold. A linearisation that the start has is believed for the linear parameters.
 Fit refine(const Problem& problem, Fit start, int iterations);
 
 // The noise under which the flights are most likely, given these effects.

@@ -35,7 +35,4 @@ bool same_subject(const Hypothesis& a, const Hypothesis& b);
 // innovations themselves (events, oscillations).
 std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights);
 
-// The same map with other amplitudes and lengths: which of them the data show only a fit can say.
-std::vector<Hypothesis> other_fields(const Hypothesis& map, const std::vector<Flight>& flights);
-
 }  // namespace atmos

@@ -50,7 +50,8 @@ struct SearchResult {
 };
 
 struct SearchOptions {
-  double accept_gain = 12.0;  // nats of evidence a further effect must bring
+  double accept_gain = 12.0;              // nats of evidence a further effect must bring
+  double accept_gain_of_flexible = 20.0;  // the same of a map, and of what unseen data cannot contradict
   double plain_gain =
       40.0;  // above it, an effect of few parameters is named however little it moves the robot
   double least_inclusion = 0.8;
@@ -58,6 +59,8 @@ struct SearchOptions {
   std::size_t fitted_per_step = 6;
   std::uint32_t seed = 1;  // of the resampling
   std::function<void(const std::string&)> progress = [](const std::string&) {};
+
+  double needed(const Hypothesis& hypothesis) const;  // nats
 };
 
 // Smooths the flights as it goes: their velocities are those under the final model afterwards.

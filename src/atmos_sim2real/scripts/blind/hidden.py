@@ -49,10 +49,17 @@ def sampled_map(arena, spacing, value):
 
 
 def draw_unevenness(rng, s, arena, duration):
+    """Hills and hollows, or waves all over the floor: the diagnosis must not live by either."""
     height = log_range(1e-4, 1.5e-3, s)
-    bumps = [(*arena.place(rng), sign(rng) * height * rng.uniform(0.6, 1.0), rng.uniform(0.3, 0.7)) for _ in range(4)]
-    origin, rows = sampled_map(arena, 0.15, lambda x, y: sum(
-        h * math.exp(-((x - bx) ** 2 + (y - by) ** 2) / (2 * w * w)) for bx, by, h, w in bumps))
+    if rng.random() < 0.5:
+        hills = [(*arena.place(rng), sign(rng) * height * rng.uniform(0.6, 1.0), rng.uniform(0.3, 0.7)) for _ in range(4)]
+        floor = lambda x, y: sum(
+            h * math.exp(-((x - hx) ** 2 + (y - hy) ** 2) / (2 * w * w)) for hx, hy, h, w in hills)
+    else:
+        waves = [(*vector(rng, 2 * math.pi / rng.uniform(1.2, 3.5)), rng.uniform(0, 2 * math.pi),
+                  height * rng.uniform(0.2, 0.5)) for _ in range(5)]
+        floor = lambda x, y: sum(h * math.cos(kx * x + ky * y + phase) for kx, ky, phase, h in waves)
+    origin, rows = sampled_map(arena, 0.15, floor)
     return {"origin_m": origin, "spacing_m": 0.15, "height_m": rows}
 
 

@@ -84,6 +84,8 @@ def size_in_stated_terms(effect, parameter, flight_end):
         return min(flight_end - true["since_s"], flight_end - hidden.FIRST_START)
     if kind == "external_impulse":
         return max(math.hypot(event["impulse_x_n_s"], event["impulse_y_n_s"]) for event in true["events"])
+    if kind == "floor_vibration":  # stated at 1 Hz; what poses show of a force falls with the frequency squared
+        return true["amplitude_n"] / max(1.0, true["frequency_hz"]) ** 2
     if kind == "floor_unevenness":
         return statistics.pstdev([value for row in true["height_m"] for value in row])
     if kind == "airflow":
