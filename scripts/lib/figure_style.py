@@ -16,7 +16,7 @@ STYLE = {
     "lines.linewidth": 1.6, "figure.dpi": 130, "svg.fonttype": "path", "pdf.fonttype": 42,
 }
 FORMATS = ("png", "pdf", "svg")
-MOST_POINTS = 2500  # of a line: more than a printed column resolves
+MOST_POINTS = 1500  # of a line: more than a printed column resolves
 
 
 def subplots(*shape, **options):

@@ -2,9 +2,10 @@
 
 read() gives everything, load_flight() one robot. What a recording does not hold is empty, never made up.
 """
+import contextlib
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import rosbag
@@ -92,7 +93,6 @@ class Recording:
     robots: dict                 # name -> Flight, sorted
     stl: Stl = None
     configuration: object = None  # RunConfiguration, the last one
-    topics: list = field(default_factory=list)
 
     def file(self, used_by):
         """Content of the configuration file that the parameter ending so names, parsed; None when it is not recorded."""
@@ -232,17 +232,32 @@ def _flight(paths, robot, found):
         battery=rows("battery", 3, lambda m: (m.voltage, m.percentage)))
 
 
+def _wanted(present):
+    """Topic -> (robot, name) of what is used of the topics `present`; of the POSES of a robot the best one only."""
+    split = {topic: _split(topic) for topic in present}
+    best = {}
+    for robot, name in split.values():
+        if name in POSES:
+            best[robot] = min(best.get(robot, name), name, key=POSES.index)
+    return {topic: (robot, name) for topic, (robot, name) in split.items()
+            if name in NAMES and (name not in POSES or name == best[robot])}
+
+
 def read(paths):
     """Everything of a flight in the bags `paths`. Raises ReportError when one cannot be read or nothing moves in them."""
-    found, plans, monitor, topics = {}, [], [], set()
-    for path in paths:
-        try:
-            with rosbag.Bag(path) as bag:
-                present = bag.get_type_and_topic_info().topics
-                topics |= set(present)
-                wanted = {topic: _split(topic) for topic in present if _split(topic)[1] in NAMES}
-                stl = [topic for topic in ("/stl/plan", "/stl/monitor") if topic in present]
-                for topic, message, received in bag.read_messages(topics=list(wanted) + stl):
+    found, plans, monitor = {}, [], []
+    with contextlib.ExitStack() as stack:
+        bags = []
+        for path in paths:
+            try:
+                bags.append(stack.enter_context(rosbag.Bag(path)))
+            except (OSError, rosbag.ROSBagException) as error:
+                raise ReportError(f"{path}: {error}") from error
+        topics = {topic for bag in bags for topic in bag.get_type_and_topic_info().topics}
+        wanted = _wanted(topics)
+        for path, bag in zip(paths, bags):
+            try:
+                for topic, message, received in bag.read_messages(topics=list(wanted) + ["/stl/plan", "/stl/monitor"]):
                     if topic == "/stl/plan":
                         plans.append(message)
                     elif topic == "/stl/monitor":
@@ -250,14 +265,14 @@ def read(paths):
                     else:
                         robot, name = wanted[topic]
                         found.setdefault(robot, {n: [] for n in NAMES})[name].append((message, received.to_sec()))
-        except (OSError, rosbag.ROSBagException) as error:
-            raise ReportError(f"{path}: {error}") from error
+            except (OSError, rosbag.ROSBagException) as error:
+                raise ReportError(f"{path}: {error}") from error
     flights = {robot: _flight(paths, robot, found[robot]) for robot in sorted(found)}
     flights = {robot: flight for robot, flight in flights.items() if flight is not None}
     if not flights:
         raise ReportError(f"{', '.join(paths)}: none of the topics {', '.join(POSES)} of any robot in the bag")
     configurations = [m for robot in sorted(found) for m, _ in found[robot]["configuration"]]
-    return Recording(paths=list(paths), robots=flights, topics=sorted(topics),
+    return Recording(paths=list(paths), robots=flights,
                      stl=Stl(plans[-1], monitor, plans[-1].header.stamp.to_sec()) if plans and monitor else None,
                      configuration=configurations[-1] if configurations else None)
 

@@ -130,8 +130,7 @@ def draw_inputs(view):
     figure, axes = subplots(rows, 2, figsize=(11, 1.45 * rows + 0.6), sharex=True, sharey=True, squeeze=False)
     for i in range(count):
         panel = axes[i // 2, i % 2]
-        panel.stairs(flight.duty[:, i], edges, color=BLUE, fill=True, alpha=0.35)
-        panel.stairs(flight.duty[:, i], edges, color=BLUE, linewidth=0.7)
+        panel.stairs(flight.duty[:, i], edges, facecolor="#a9c8e6", edgecolor=BLUE, fill=True, linewidth=0.6)
         panel.set_ylabel(f"$u_{{{i + 1}}}$", rotation=0, labelpad=12, va="center")
         panel.set_ylim(lowest - 0.04, 1.04)
         panel.set_yticks([lowest, 0.5 * (1.0 + lowest), 1.0])

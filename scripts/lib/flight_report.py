@@ -5,6 +5,7 @@ As a library: everything of flight_bag and flight_metrics that a test measures a
 """
 import argparse
 import base64
+import functools
 import html
 import itertools
 import json
@@ -94,14 +95,14 @@ def draw_all(recording, vehicles, floor, folder, formats=style.FORMATS):
 
     if recording.stl or len(recording.robots) == 1:
         add("specification", "Planned and executed robustness", "stl", lambda: stl_figure.draw(recording),
-            None if recording.stl else "no /stl/plan and /stl/monitor")
+            None if recording.stl else "no /stl/plan and /stl/monitor in the recording")
     if len(recording.robots) > 1:
         add("fleet", "Distance between robots", "separation", lambda: stl_figure.draw_separation(recording), None)
     for robot, flight in recording.robots.items():
         view = flight_figures.View(flight, vehicles.of(robot), floor)
         prefix = "" if len(recording.robots) == 1 else robot + "_"
         for name, (title, draw, why_not) in flight_figures.FIGURES.items():
-            add(robot, title, prefix + name, lambda: draw(view), why_not(view))
+            add(robot, title, prefix + name, functools.partial(draw, view), why_not(view))
     return drawn, missing
 
 
