@@ -217,6 +217,11 @@ json mismatch_over_time(const Flight& flight, const Eigen::VectorXd& innovations
 
 }  // namespace
 
+std::size_t place_in_report(const Diagnosis& diagnosis, std::size_t claim) {
+  const std::vector<std::size_t> order = table_order(diagnosis.search.final.effects);
+  return static_cast<std::size_t>(std::find(order.begin(), order.end(), claim) - order.begin());
+}
+
 std::vector<Effect> claimed_effects(const Diagnosis& diagnosis) {
   std::vector<Effect> effects;
   for (const std::size_t i : table_order(diagnosis.search.final.effects))

@@ -11,6 +11,8 @@
 
 #include "atmos_model/effects.h"
 #include "atmos_sim2real/report.h"
+#include "atmos_sim2real/statement.h"
+#include "next_experiment.h"
 #include "ode_check.h"
 #include "recordings.h"
 
@@ -84,6 +86,25 @@ nlohmann::ordered_json replayed(const Arguments& arguments, const Vehicle& vehic
   return check;
 }
 
+// What to fly next, for the claim that these recordings cannot tell from a rival.
+void plan_next(const Arguments& arguments, const Diagnosis& diagnosis, const Problem& problem,
+               nlohmann::ordered_json& summary) {
+  constexpr double kDecides = 3.0;  // nats
+  std::optional<NextExperiment> next;
+  try {
+    next = next_experiment(diagnosis, problem, arguments.vehicle, arguments.out);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "warning: no experiment was planned: %s\n", error.what());
+  }
+  if (!next || next->expected_nats < kDecides) return;
+  write_text(arguments.out + "/next_experiment.yaml", setpoint_file(next->manoeuvre));
+  nlohmann::ordered_json& effect = summary["effects"][place_in_report(diagnosis, next->claim)];
+  effect["next_experiment"] = "To tell " + effect["kind"].get<std::string>() + " from " + next->rival +
+                              ", fly next_experiment.yaml (" + next->manoeuvre.description +
+                              "): in simulation it decides by " + short_number(next->expected_nats) +
+                              " nats.";
+}
+
 void run(const Arguments& arguments) {
   refuse_repeated_bags(arguments);
   const Vehicle vehicle = load_vehicle(arguments.vehicle);
@@ -110,6 +131,7 @@ void run(const Arguments& arguments) {
                                        : prove_held_out(problem, diagnosis.search.final, held_out);
 
   nlohmann::ordered_json summary = report(diagnosis, problem, proof);
+  plan_next(arguments, diagnosis, problem, summary);
   say("replaying in the simulator");
   summary["ode_check"] = replayed(arguments, vehicle, known, claimed_effects(diagnosis), flights, held_out);
   write_text(out + "model.yaml", write_model(claimed_effects(diagnosis)));

@@ -1,9 +1,5 @@
 #include "ode_check.h"
 
-#include <fcntl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +7,7 @@
 
 #include "atmos_model/planar.h"
 #include "atmos_sim2real/prediction.h"
+#include "child.h"
 
 namespace atmos {
 
@@ -19,33 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kHorizon = 5.0;  // s
-
-// The simulator beside this program: <lib>/atmos_sim2real/diagnose, <lib>/atmos_sim/atmos_sim_replay.
-fs::path simulator() {
-  std::error_code none;
-  const fs::path self = fs::read_symlink("/proc/self/exe", none);
-  return self.parent_path().parent_path() / "atmos_sim" / "atmos_sim_replay";
-}
-
-// Exit code of a child whose output goes to `log`; -1 when it did not end by itself.
-int run(const std::vector<std::string>& command, const std::string& log) {
-  std::vector<char*> arguments;
-  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  const pid_t child = fork();
-  if (child == 0) {
-    const int out = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-    if (out >= 0) {
-      dup2(out, STDOUT_FILENO);
-      dup2(out, STDERR_FILENO);
-    }
-    execv(arguments[0], arguments.data());
-    _exit(127);
-  }
-  int status = 0;
-  if (child < 0 || waitpid(child, &status, 0) != child || !WIFEXITED(status)) return -1;
-  return WEXITSTATUS(status);
-}
+constexpr const char* kSimulator = "atmos_sim_replay";
 
 void write_commands(const std::string& path, const std::vector<ThrusterCommand>& commands) {
   std::ofstream out(path);
@@ -109,16 +80,10 @@ Sums fly(const std::vector<Recording>& recordings, const Vehicle& vehicle, const
     if (starts.empty()) continue;
     write_commands(folder / "commands.csv", recording.commands);
     write_starts(folder / "starts.csv", starts);
-    const int code = run({simulator(), "--vehicle", vehicle_path, "--model", folder / "model.yaml",
-                          "--commands", folder / "commands.csv", "--initial-states", folder / "starts.csv",
-                          "--horizon", std::to_string(kHorizon), "--out", folder / "rows.csv"},
-                         folder / "log");
-    if (code != 0) {
-      std::ifstream log(folder / "log");
-      std::string why;
-      std::getline(log, why);
-      throw std::runtime_error(recording.name + ": " + why);
-    }
+    run_child({simulator_tool(kSimulator), "--vehicle", vehicle_path, "--model", folder / "model.yaml",
+               "--commands", folder / "commands.csv", "--initial-states", folder / "starts.csv", "--horizon",
+               std::to_string(kHorizon), "--out", folder / "rows.csv"},
+              folder / "log");
     const std::vector<PredictedPose> flown = read_rows(folder / "rows.csv");
     const std::vector<PredictedPose> predicted = predict(recording, vehicle, effects, starts, kHorizon);
     const PredictionError error = prediction_error(recording, flown);
@@ -138,7 +103,8 @@ Sums fly(const std::vector<Recording>& recordings, const Vehicle& vehicle, const
 nlohmann::ordered_json ode_check(const std::vector<Recording>& recordings, const Vehicle& vehicle,
                                  const std::string& vehicle_path, const std::vector<Effect>& nominal,
                                  const std::vector<Effect>& fitted, const std::string& folder) {
-  if (!fs::exists(simulator())) return {{"skipped", simulator().string() + " is not there"}};
+  if (!fs::exists(simulator_tool(kSimulator)))
+    return {{"skipped", simulator_tool(kSimulator).string() + " is not there"}};
   const fs::path scratch = fs::path(folder) / "ode_check";
   nlohmann::ordered_json check;
   try {

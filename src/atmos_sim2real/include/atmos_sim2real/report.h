@@ -13,6 +13,9 @@ namespace atmos {
 // The effects of a diagnosis as model.yaml lists them: in table order.
 std::vector<Effect> claimed_effects(const Diagnosis& diagnosis);
 
+// Where a claim stands among them, and among `effects` of the report.
+std::size_t place_in_report(const Diagnosis& diagnosis, std::size_t claim);
+
 // Schema 1 (docs/diagnosis.md). Numbers that do not exist are null.
 nlohmann::ordered_json report(const Diagnosis& diagnosis, const Problem& problem, const Proof& proof);
 
