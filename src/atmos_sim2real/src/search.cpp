@@ -172,8 +172,8 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
 
 // Why a candidate with enough evidence is not named all the same; empty when it is.
 std::string objection_to(const Problem& problem, const Tried& candidate, const BlockEvidence& blocks,
-                         const Fit& current, const std::vector<Claim>& claims,
-                         const OpenLoopError& nominal_error, const SearchOptions& options) {
+                         const std::vector<Claim>& claims, const OpenLoopError& nominal_error,
+                         const OpenLoopError& present_error, const SearchOptions& options) {
   if (candidate.gain < options.needed(candidate.hypothesis)) return "has too little evidence for its freedom";
   // What happened once, or lies in one place, cannot help where a fit has not seen it.
   if (!candidate.hypothesis.local &&
@@ -187,8 +187,7 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
       std::any_of(claims.begin(), claims.end(), [](const Claim& claim) { return claim.hypothesis.map; });
   if (second_map && candidate.gain < options.plain_gain) return "is what another map leaves";
   if ((flexible || candidate.gain < options.plain_gain) &&
-      !worth_a_name(nominal_error, open_loop_error(problem, current.effects),
-                    open_loop_error(problem, candidate.fit.effects)))
+      !worth_a_name(nominal_error, present_error, open_loop_error(problem, candidate.fit.effects)))
     return "changes the motion too little to be named";
   return "";
 }
@@ -215,17 +214,20 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
   return current;
 }
 
-// The model without effect `index`, refitted.
-Fit without(const Problem& problem, const Fit& fit_with, std::size_t index) {
-  std::vector<Effect> effects = fit_with.effects;
-  effects.erase(effects.begin() + static_cast<long>(index));
-  std::vector<FreeParameter> free;
-  for (FreeParameter parameter : fit_with.free) {
-    if (parameter.effect == index) continue;
+// Takes an effect and its free parameters out of a model, which is not fitted again.
+void take_out(Fit& fit, std::size_t index) {
+  fit.hold([&](const FreeParameter& free) { return free.effect == index; });
+  for (FreeParameter& parameter : fit.free) {
     if (parameter.effect > index) --parameter.effect;
-    free.push_back(parameter);
   }
-  return fit(problem, std::move(effects), std::move(free), fit_with.noise, FitEffort::kQuick);
+  fit.effects.erase(fit.effects.begin() + static_cast<long>(index));
+}
+
+// The model without effect `index`, refitted.
+Fit without(const Problem& problem, Fit rest, std::size_t index) {
+  rest.linearisation.reset();
+  take_out(rest, index);
+  return fit(problem, std::move(rest.effects), std::move(rest.free), rest.noise, FitEffort::kQuick);
 }
 
 // Whether an effect is so many deviations away from its absence that a refit without it need not be asked.
@@ -279,12 +281,12 @@ void absorb(Fit& fit, std::vector<Claim>& claims, std::size_t from, std::size_t 
   claims[to].gain += claims[from].gain;
   claims[to].heldout_gain += claims[from].heldout_gain;
   claims[to].inclusion = std::max(claims[to].inclusion, claims[from].inclusion);
-  if (!keep_parameters) fit.hold([&](const FreeParameter& free) { return free.effect == from; });
-  for (FreeParameter& parameter : fit.free) {
-    if (parameter.effect == from) parameter.effect = to;
-    if (parameter.effect > from) --parameter.effect;
+  if (keep_parameters) {
+    for (FreeParameter& parameter : fit.free) {
+      if (parameter.effect == from) parameter.effect = to;
+    }
   }
-  fit.effects.erase(fit.effects.begin() + static_cast<long>(from));
+  take_out(fit, from);
   claims.erase(claims.begin() + static_cast<long>(from));
 }
 
@@ -352,10 +354,14 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
     // The claim's own score is what a rival's is measured by: screens shrink differences, but not to less
     // than half.
-    const std::vector<Screened> own = screen(problem, rest, {claim.hypothesis});
-    for (const Screened& candidate : shortlist(screen(problem, rest, open), kRivals)) {
-      if (candidate.score > 0.5 * own.front().score)
-        claim.rivals.push_back(remembered(attempt(problem, rest, candidate)));
+    std::vector<Hypothesis> asked = open;
+    asked.push_back(claim.hypothesis);
+    std::vector<Screened> scored = screen(problem, rest, asked);
+    const auto is_own = [&](const Screened& screened) { return screened.hypothesis == &asked.back(); };
+    const double own = std::find_if(scored.begin(), scored.end(), is_own)->score;
+    scored.erase(std::remove_if(scored.begin(), scored.end(), is_own), scored.end());
+    for (const Screened& candidate : shortlist(scored, kRivals)) {
+      if (candidate.score > 0.5 * own) claim.rivals.push_back(remembered(attempt(problem, rest, candidate)));
     }
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
     if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) continue;
@@ -417,11 +423,12 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     play_off(problem, current, tried, looseness, options);
     simplest_of_equals_first(tried);
 
+    const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
     for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
       const BlockEvidence blocks = block_evidence(problem, current, tried[t].fit, options.seed);
       const std::string objection =
-          objection_to(problem, tried[t], blocks, current, claims, nominal_error, options);
+          objection_to(problem, tried[t], blocks, claims, nominal_error, present_error, options);
       if (!objection.empty()) {
         options.progress("  " + label(tried[t].hypothesis) + " " + objection);
         continue;

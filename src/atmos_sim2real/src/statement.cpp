@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <map>
 
+#include "atmos_sim2real/force_field.h"
+
 namespace atmos {
 
 namespace {
@@ -127,7 +129,9 @@ struct Sentence {
   }
   std::string operator()(const Airflow& e) const {
     return "moving air pushes the robot with up to " +
-           short_number(1e3 * std::hypot(largest(e.force_x_n), largest(e.force_y_n))) + " mN";
+           short_number(1e3 * std::hypot(largest(e.force_x_n), largest(e.force_y_n))) + " mN; " +
+           short_number(100.0 * share_with_curl(e)) +
+           " % of the field has curl, which slopes of a floor have not";
   }
   std::string operator()(const Tether& e) const {
     return "a tether pulls towards " + place(e.anchor_x_m, e.anchor_y_m) + " with " +
