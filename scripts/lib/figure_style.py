@@ -37,6 +37,6 @@ def write(figure, folder, name, formats=FORMATS):
         figure.draw_without_rendering()
         figure.set_layout_engine("none")  # laid out once, not once per format
         for path in paths:
-            figure.savefig(path)
+            figure.savefig(path, **({"pil_kwargs": {"compress_level": 3}} if path.endswith(".png") else {}))
     plt.close(figure)
     return paths
