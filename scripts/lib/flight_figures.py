@@ -268,7 +268,8 @@ def draw_coupling(view):
     line = np.array([0.0, max(others.max(), 1.0)])
     axes.plot(line, 100.0 * (1.0 - 0.125 * line), color=ORANGE, linestyle="--", linewidth=1.3, label="paper: 12.5 % each")
     if fit:
-        axes.plot(line, 100.0 * (1.0 - fit[0] * line), color=GREEN, label=f"fit: {100 * fit[0]:.1f} ± {100 * fit[1]:.1f} % each")
+        axes.plot(line, 100.0 * (1.0 - fit[0] * line), color=GREEN,
+                  label=f"fit: {round(100 * fit[0], 1) + 0.0:.1f} ± {100 * fit[1]:.1f} % each")
     middle = np.median(share)
     axes.set_ylim(100.0 * min(0.4, middle - 0.4), 100.0 * max(1.4, middle + 0.4))
     axes.set_xlabel("further thrusters open at the same time, mean over the pulses")
@@ -377,7 +378,8 @@ FIGURES = {
     "states": ("Set-point responses: pose against reference, and velocity", draw_states, lambda view: None),
     "plan_view": ("Path over the floor", draw_plan_view, lambda view: None),
     "inputs": ("Thruster inputs", draw_inputs, _without(lambda f: f.duty, "no thruster_command in the recording")),
-    "duty_histogram": ("Use of the thrusters", draw_duty_histogram, _without(lambda f: f.duty, "no thruster_command in the recording")),
+    "duty_histogram": ("Use of the thrusters", draw_duty_histogram,
+                       _without(lambda f: f.duty, "no thruster_command in the recording")),
     "wrench": ("Body wrench asked of the flight controller", draw_wrench,
                _without(lambda f: f.wrench, "no nmpc/wrench in the recording")),
     "rate": ("Body force and yaw rate asked of the flight controller", draw_rate,
@@ -389,5 +391,6 @@ FIGURES = {
     "solve_times": ("Solve times of the NMPC", draw_solve_times,
                     _without(lambda f: f.solve_s, "no nmpc/status of a solve in the recording")),
     "supply": ("Air and power", draw_supply,
-               lambda view: None if len(view.flight.air) or len(view.flight.battery) else "neither pneumatics nor battery in the recording"),
+               lambda view: None if len(view.flight.air) or len(view.flight.battery) else
+               "neither pneumatics nor battery in the recording"),
 }

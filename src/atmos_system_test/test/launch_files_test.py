@@ -18,6 +18,7 @@ import yaml
 
 import harness
 import flight_report
+import run_configuration
 
 FILES = sorted(glob.glob(os.path.join(harness.ROOT, "launch", "*.launch")))
 # For arguments without a default: a value with which the file can be read.
@@ -194,6 +195,10 @@ class Started(unittest.TestCase):
         states = harness.messages(bag, "px4/supervisor")
         self.assertEqual(states[-1].state, states[-1].FLYING, log)
         self.assertLess(self.distance_to_goal(bag), 0.05)
+        # The mission came after the recording had begun.
+        configuration = run_configuration.read(bag)
+        self.assertEqual(run_configuration.faults(configuration), [])
+        self.assertIn(mission, [entry.path for entry in configuration.files])
 
     def test_markers_of_a_diagnosis(self):
         with harness.Launch("diagnosis.launch", model=os.path.join(harness.CONFIG, "model", "harsh.yaml"), rviz=False) as launch:
