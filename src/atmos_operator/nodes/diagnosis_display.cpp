@@ -134,11 +134,11 @@ class Drawing {
       for (const bool fitted : {false, true}) {
         Marker& line =
             add(fitted ? "path, fitted mismatch" : "path, nominal mismatch", Marker::LINE_STRIP, kInk);
-        line.scale.x = 0.015;
+        line.scale.x = fitted ? 0.01 : 0.035;
         const std::vector<double>& mismatch = fitted ? path.fitted : path.nominal;
         for (std::size_t i = 0; i < path.p_W.size(); ++i) {
           const auto& p = path.p_W[i];
-          line.points.push_back(point_at({p.x(), p.y(), height_at(p.x(), p.y()) + 0.02}));
+          line.points.push_back(point_at({p.x(), p.y(), height_at(p.x(), p.y()) + (fitted ? 0.03 : 0.02)}));
           line.colors.push_back(paint(mismatch_color(mismatch[i])));
         }
       }
@@ -188,17 +188,17 @@ class Drawing {
     const double middle = 0.5 * (area_.min_x + area_.max_x);
     std::string title = scene_.verdict;
     for (const std::string& statement : scene_.statements) title += (title.empty() ? "" : "\n") + statement;
-    add_text("verdict", middle, area_.max_y + 0.2 + 0.06 * static_cast<double>(scene_.statements.size()),
-             title, 0.1);
+    add_text("verdict", middle, area_.max_y + 0.15 + 0.05 * static_cast<double>(scene_.statements.size()),
+             title, 0.07);
     if (scene_.paths.empty()) return;
     double strongest = 0.0;
     for (const PlacedForce& force : scene_.forces) strongest = std::max(strongest, force.force_W.norm());
-    char text[160];
-    std::snprintf(
-        text, sizeof(text),
-        "paths: green, noise alone; red, mismatch of 4 and more\narrows: force of the found effects at "
-        "rest, largest %.0f mN; heights x %.0f",
-        1e3 * strongest, exaggeration_);
+    char text[200];
+    std::snprintf(text, sizeof(text),
+                  "paths: wide, nominal model; thin, fitted; green, noise alone; red, mismatch of 4 and "
+                  "more\narrows: force of the found effects at "
+                  "rest, largest %.0f mN; heights x %.0f",
+                  1e3 * strongest, exaggeration_);
     add_text("legend", middle, area_.min_y - 0.25, text, 0.07);
   }
 

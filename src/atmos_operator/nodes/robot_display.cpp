@@ -24,7 +24,7 @@ class RobotDisplay {
       : markers_(node.getNamespace().substr(1),
                  load_vehicle(required_parameter<std::string>(parameters, "vehicle")),
                  {parameters.param("metres_per_newton", 0.15),
-                  parameters.param("metres_per_disturbance_newton", 2.0)}),
+                  parameters.param("metres_per_disturbance_newton", 1.0)}),
         trail_s_(parameters.param("trail_s", 20.0)),
         robots_(node.advertise<visualization_msgs::MarkerArray>("/display/robots", 2)),
         control_(node.advertise<visualization_msgs::MarkerArray>("/display/control", 2)),

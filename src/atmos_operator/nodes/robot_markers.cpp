@@ -85,10 +85,9 @@ void RobotMarkers::add_thrust(const geometry_msgs::Pose& pose, const atmos_msgs:
     m.scale.x = 0.025;
     m.scale.y = 0.055;
     m.scale.z = 0.5 * (arrow.tail_B - arrow.head_B).norm();
-    const Eigen::Vector2d beside =
-        vehicle_.thrusters[static_cast<std::size_t>(arrow.thruster - 1)].position_m.head<2>().normalized() *
-        0.07;
-    const Eigen::Vector2d at_W = rotation_WB(yaw) * (arrow.tail_B.head<2>() + beside);
+    // Behind the jet, or two nozzles of one corner would write over each other.
+    const Eigen::Vector2d jet = (arrow.tail_B - arrow.head_B).head<2>();
+    const Eigen::Vector2d at_W = rotation_WB(yaw) * (arrow.tail_B.head<2>() + 0.05 * jet.normalized());
     geometry_msgs::Point place;
     place.x = pose.position.x + at_W.x();
     place.y = pose.position.y + at_W.y();

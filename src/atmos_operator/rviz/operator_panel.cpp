@@ -17,6 +17,7 @@
 #include <QPushButton>
 #include <QTimer>
 #include <QVBoxLayout>
+#include <algorithm>
 
 namespace atmos {
 
@@ -212,6 +213,9 @@ void OperatorPanel::refresh() {
     const auto [name, text] = row_labels_[i];
     name->setText(QString::fromStdString(rows[i].name));
     text->setText(QString::fromStdString(rows[i].text));
+    text->setToolTip(text->text());
+    // A layout in a dock does not grow by itself for text that wraps.
+    text->setMinimumHeight(text->heightForWidth(std::max(text->width(), 100)));
     text->setStyleSheet(QString("color: %1; font-weight: bold;").arg(color_of(rows[i].health)));
   }
   const std::string answer = calls_.poll();

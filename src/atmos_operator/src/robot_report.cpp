@@ -45,8 +45,8 @@ Health below(double value, double warning, double bad) {
 
 void describe_link(const AutopilotReport& link, PanelRow& out) {
   out.health = link.connected ? Health::kGood : Health::kBad;
-  out.text = link.connected ? print("%s, %s, round trip %.1f ms", link.armed ? "armed" : "disarmed",
-                                    link.mode.c_str(), 1e3 * link.round_trip_s)
+  out.text = link.connected ? print("%s, %s, %.1f ms", link.armed ? "armed" : "disarmed", link.mode.c_str(),
+                                    1e3 * link.round_trip_s)
                             : "no answer from the autopilot";
 }
 
@@ -57,7 +57,9 @@ void describe_supervisor(const SupervisorReport& supervisor, PanelRow& out) {
   const auto index = static_cast<std::size_t>(supervisor.state);
   out.text = index < std::size(kNames) ? kNames[index] : "unknown";
   if (!supervisor.text.empty()) out.text += ": " + supervisor.text;
-  if (!supervisor.refusal.empty()) out.text += "; refused: " + supervisor.refusal;
+  // Flying, it has had what was refused at first.
+  if (!supervisor.refusal.empty() && supervisor.state != State::kFlying)
+    out.text += "; refused: " + supervisor.refusal;
   out.health = supervisor.killed                       ? Health::kBad
                : supervisor.state == State::kClosed    ? Health::kBad
                : supervisor.state == State::kFlying    ? Health::kGood

@@ -42,7 +42,7 @@ TEST(RobotReport, NothingHeardIsNothingShown) {
 
 TEST(RobotReport, AFlightIsAllGood) {
   for (const PanelRow& row : panel_rows(flying(), kNow)) EXPECT_EQ(row.health, Health::kGood) << row.name;
-  EXPECT_EQ(row(flying(), "Link").text, "armed, offboard, round trip 4.0 ms");
+  EXPECT_EQ(row(flying(), "Link").text, "armed, offboard, 4.0 ms");
   EXPECT_EQ(row(flying(), "Controller").text, "flying, solve 3.0 ms, 2 late");
   EXPECT_EQ(row(flying(), "Battery").text, "80 %, 15.9 V");
   EXPECT_EQ(row(flying(), "Gas").text, "500 g, bottles at 200 bar");
@@ -74,6 +74,8 @@ TEST(RobotReport, ARefusalIsShown) {
   report.supervisor->value = {SupervisorReport::State::kPreparing, false, "", "arm: denied"};
   EXPECT_EQ(row(report, "Supervisor").text, "preparing; refused: arm: denied");
   EXPECT_EQ(row(report, "Supervisor").health, Health::kWarning);
+  report.supervisor->value.state = SupervisorReport::State::kFlying;
+  EXPECT_EQ(row(report, "Supervisor").text, "flying");
 }
 
 TEST(RobotReport, WithoutAnAutopilotTheFlightControllerIsShown) {

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kSample_s = 0.1;
 constexpr double kPath_s = 0.25;
+constexpr double kLabel_m = 0.09;  // height of a line of text
 
 std_msgs::ColorRGBA color(double r, double g, double b, double a) {
   std_msgs::ColorRGBA result;
@@ -41,23 +42,55 @@ visualization_msgs::Marker marker(const std::string& space, int id, int type, do
   return made;
 }
 
-void add_region(const Region& region, const std::string& label, bool obstacle,
+// Outline, a tinted face and, above it where nothing of it is hidden, the text.
+void add_region(const Region& region, const std::string& label, bool keep_out,
                 visualization_msgs::MarkerArray& array) {
   const int id = static_cast<int>(array.markers.size());
   auto outline = marker("stl_places", id, visualization_msgs::Marker::LINE_STRIP, 0.02);
-  outline.color = obstacle ? color(0.8, 0.1, 0.1, 1.0) : color(0.1, 0.3, 0.8, 1.0);
+  outline.color = keep_out ? color(0.75, 0.1, 0.1, 1.0) : color(0.1, 0.3, 0.8, 1.0);
+  auto face = marker("stl_places", id + 1, visualization_msgs::Marker::TRIANGLE_LIST, 1.0);
+  face.color = outline.color;
+  face.color.a = 0.12F;
   std::vector<Eigen::Vector2d> corners = corners_of(region.polytope);
-  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& corner : corners) middle += corner / static_cast<double>(corners.size());
+  for (Eigen::Vector2d& corner : corners) corner += region.displacement(0.0);
+  Eigen::Vector2d low = corners.front(), high = low;
+  for (const Eigen::Vector2d& corner : corners) {
+    low = low.cwiseMin(corner);
+    high = high.cwiseMax(corner);
+  }
+  for (std::size_t k = 2; k < corners.size(); ++k) {
+    for (const std::size_t corner : {std::size_t{0}, k - 1, k}) face.points.push_back(point(corners[corner]));
+  }
   corners.push_back(corners.front());
-  for (const Eigen::Vector2d& corner : corners)
-    outline.points.push_back(point(corner + region.displacement(0.0)));
-  array.markers.push_back(outline);
-  auto text = marker("stl_places", id + 1, visualization_msgs::Marker::TEXT_VIEW_FACING, 0.12);
-  text.pose.position = point(middle + region.displacement(0.0));
+  for (const Eigen::Vector2d& corner : corners) outline.points.push_back(point(corner));
+  auto text = marker("stl_places", id + 2, visualization_msgs::Marker::TEXT_VIEW_FACING, kLabel_m);
+  const auto lines = 1 + std::count(label.begin(), label.end(), '\n');
+  text.pose.position =
+      point({0.5 * (low.x() + high.x()), high.y() + 0.04 + 0.6 * kLabel_m * static_cast<double>(lines)});
   text.color = outline.color;
   text.text = label;
+  array.markers.push_back(outline);
+  array.markers.push_back(face);
   array.markers.push_back(text);
+}
+
+// A colour of its own for each robot's plan.
+std_msgs::ColorRGBA plan_color(std::size_t robot) {
+  static const double kHues[][3] = {
+      {0.05, 0.50, 0.35}, {0.55, 0.20, 0.75}, {0.90, 0.50, 0.05}, {0.00, 0.45, 0.75}};
+  const auto& hue = kHues[robot % 4];
+  return color(hue[0], hue[1], hue[2], 1.0);
+}
+
+// Whether clauses speak of a region only to keep robots out of it.
+bool only_kept_out(const Specification& spec, const std::string& region) {
+  bool spoken_of = false;
+  for (const Clause& clause : spec.clauses) {
+    if (clause.text.find("in(" + region + ")") == std::string::npos) continue;
+    spoken_of = true;
+    if (clause.text.find("not ") == std::string::npos) return false;
+  }
+  return spoken_of;
 }
 
 std::vector<Eigen::Vector2d> positions_at(const Specification& spec, const Motion& motion, double time_s) {
@@ -163,7 +196,7 @@ atmos_msgs::StlMonitor monitor_message(const Specification& spec, const Monitor&
 visualization_msgs::MarkerArray markers(const Specification& spec, const Plan* plan) {
   visualization_msgs::MarkerArray array;
   for (std::size_t i = 0; i < spec.regions.size(); ++i)
-    add_region(spec.regions[i], windows_of(spec, i), false, array);
+    add_region(spec.regions[i], windows_of(spec, i), only_kept_out(spec, spec.regions[i].name), array);
   for (const Region& obstacle : spec.obstacles) add_region(obstacle, obstacle.name, true, array);
   if (plan == nullptr || plan->motion.empty()) return array;
   for (std::size_t robot = 0; robot < spec.robots.size(); ++robot) {
@@ -173,9 +206,22 @@ visualization_msgs::MarkerArray markers(const Specification& spec, const Plan* p
       const double share = std::clamp(
           demand_now(spec, t, positions) / std::max(1e-6, plan->certificate.robustness_m), 0.0, 1.0);
       path.points.push_back(point(positions[robot]));
-      path.colors.push_back(color(1.0 - share, share, 0.1, 1.0));
+      // Its colour where the plan is as robust as it was proven to be; red where it is less.
+      auto tint = plan_color(robot);
+      tint.r = static_cast<float>(share * static_cast<double>(tint.r) + (1.0 - share));
+      tint.g *= static_cast<float>(share);
+      tint.b *= static_cast<float>(share);
+      path.colors.push_back(tint);
     }
+    auto name = marker("stl_plan", static_cast<int>(spec.robots.size() + robot),
+                       visualization_msgs::Marker::TEXT_VIEW_FACING, kLabel_m);
+    name.pose.position = path.points.front();
+    name.pose.position.y -= 0.08;
+    name.pose.position.z = 0.02;
+    name.color = plan_color(robot);
+    name.text = "plan of " + spec.robots[robot].name;
     array.markers.push_back(path);
+    array.markers.push_back(name);
   }
   return array;
 }

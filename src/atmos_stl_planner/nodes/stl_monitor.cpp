@@ -63,11 +63,17 @@ class MonitorNode {
     text.ns = "stl_monitor";
     text.type = visualization_msgs::Marker::TEXT_VIEW_FACING;
     text.pose.orientation.w = 1.0;
-    text.scale.z = 0.12;
-    text.color.a = text.color.r = text.color.g = text.color.b = 1.0F;
-    const Eigen::Vector2d corner = corners_of(spec_.workspace).front();
-    text.pose.position.x = corner.x();
-    text.pose.position.y = corner.y();
+    text.scale.z = 0.08;
+    text.color.r = text.color.g = text.color.b = 0.12F;
+    text.color.a = 1.0F;
+    // Below the workspace, where it hides nothing.
+    Eigen::Vector2d low = corners_of(spec_.workspace).front(), high = low;
+    for (const Eigen::Vector2d& corner : corners_of(spec_.workspace)) {
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+    text.pose.position.x = 0.5 * (low.x() + high.x());
+    text.pose.position.y = low.y() - 0.1 - 0.05 * static_cast<double>(message.clauses.size() + 1);
     char line[200];
     std::snprintf(line, sizeof line, "%s %.1f s: robustness in [%.2f, %.2f] m", spec_.name.c_str(),
                   message.time, message.robustness_low, message.robustness_high);
