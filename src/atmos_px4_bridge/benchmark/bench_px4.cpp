@@ -76,9 +76,9 @@ void setpoint_to_wire() {
   PseudoTerminal terminal(device);
   const auto port = make_port(device, 921600);
   port->poll(0.0);
-  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge_patched.yaml");
+  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge_patched.yaml", LinkChoice::kMavlink);
   Px4Bridge bridge(config, load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml"),
-                   [&](const u8* data, std::size_t size) { port->write(data, size); });
+                   {[&](const u8* data, std::size_t size) { port->write(data, size); }, {}});
   Setpoint setpoint;
   setpoint.level = Level::kRate;
   setpoint.w_WB_B.z() = 0.1;

@@ -1,5 +1,7 @@
 // nmpc/*, odometry -> Pixhawk -> px4/*, imu, thruster_command (docs/px4_bridge.md, "Node"). Parameters:
-// ~vehicle, ~config (paths), ~device (serial device or udp:...), ~baud, ~arm_at_start (bool).
+// ~vehicle, ~config (paths), ~link (mavlink, xrce or both), ~device (of MAVLink: serial device or udp:...),
+// ~baud, ~xrce_device (serial device), ~xrce_baud, ~arm_at_start (bool). Devices that the link does not use
+// are not read.
 #include <atmos_msgs/NmpcStatus.h>
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
@@ -10,9 +12,9 @@
 #include <cmath>
 #include <memory>
 
+#include "atmos_model/strict_yaml.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
-#include "atmos_px4_bridge/mavlink/link_budget.h"
 #include "atmos_px4_bridge/pwm_grid.h"
 #include "px4_messages.h"
 #include "px4_services.h"
@@ -29,15 +31,14 @@ std::string own_base_frame() {
 
 class Px4BridgeNode {
  public:
-  Px4BridgeNode(const Vehicle& vehicle, const BridgeConfig& config, std::unique_ptr<Port> port, int baud)
+  // A port is there for each link that `config` has.
+  Px4BridgeNode(const Vehicle& vehicle, const BridgeConfig& config, Ports ports)
       : base_frame_(own_base_frame()),
         period_s_(vehicle.pwm.period_s),
         grid_(vehicle.pwm.period_s),
-        port_(std::move(port)),
-        bridge_(
-            config, vehicle, [this](const std::uint8_t* data, std::size_t size) { port_->write(data, size); },
-            telemetry()),
-        services_(node_, bridge_, static_cast<int>(vehicle.thrusters.size()), [this] { serve_line(); }) {
+        ports_(std::move(ports)),
+        bridge_(config, vehicle, {writer(ports_.mavlink), writer(ports_.xrce)}, telemetry()),
+        services_(node_, bridge_, static_cast<int>(vehicle.thrusters.size()), [this] { serve_lines(); }) {
     imu_ = node_.advertise<sensor_msgs::Imu>("imu", 100);
     battery_ = node_.advertise<sensor_msgs::BatteryState>("px4/battery", 10);
     motion_ = node_.advertise<nav_msgs::Odometry>("px4/odometry", 100);
@@ -57,7 +58,7 @@ class Px4BridgeNode {
 
     diagnostics_.setHardwareID("pixhawk");
     diagnostics_.add("px4 bridge", this, &Px4BridgeNode::diagnose);
-    state_what_is_flown(baud);
+    state_what_is_flown();
   }
 
   void run(bool arm_at_start) {
@@ -65,13 +66,13 @@ class Px4BridgeNode {
     while (ros::ok()) {
       // Set-points wake this up; the line is looked at every millisecond.
       ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(kPoll_s));
-      serve_line();
+      serve_lines();
     }
   }
 
  private:
   // Nothing is ever silently not sent: what does not reach this firmware is said before it is missed.
-  void state_what_is_flown(int baud) {
+  void state_what_is_flown() {
     for (const Level level :
          {Level::kPosition, Level::kAttitude, Level::kRate, Level::kWrench, Level::kThrusters}) {
       const LevelSupport support = bridge_.link().support(level);
@@ -81,13 +82,14 @@ class Px4BridgeNode {
         ROS_WARN("level %s: %s", name_of(level), support.statement.c_str());
       }
     }
-    const auto rows = flight_traffic();
-    ROS_INFO("line: %.0f %% of %d baud to the autopilot, %.0f %% from it",
-             100.0 * line_share(rows, true, baud), baud, 100.0 * line_share(rows, false, baud));
   }
 
-  MavlinkLink::Listener telemetry() {
-    MavlinkLink::Listener listener;
+  static MavlinkLink::Write writer(const std::unique_ptr<Port>& port) {
+    return [&port](const std::uint8_t* data, std::size_t size) { port->write(data, size); };
+  }
+
+  TelemetryListener telemetry() {
+    TelemetryListener listener;
     listener.imu = [this](const ImuReading& reading) { imu_.publish(imu_message(reading, base_frame_)); };
     listener.motion = [this](const MotionEstimate& motion) {
       motion_.publish(motion_message(motion, base_frame_));
@@ -141,18 +143,25 @@ class Px4BridgeNode {
 
   double now() const { return ros::Time::now().toSec(); }
 
-  void serve_line() {
-    if (port_->poll(ros::WallTime::now().toSec())) {
+  template <class Link>
+  void serve(Port& port, Link& link, double time) {
+    if (port.poll(ros::WallTime::now().toSec())) {
       ROS_INFO("device opened");
-      bridge_.link().restart();
-    } else if (!port_->is_open()) {
-      ROS_WARN_THROTTLE(5.0, "no device: %s", port_->fault().c_str());
+      link.restart();
+    } else if (!port.is_open()) {
+      ROS_WARN_THROTTLE(5.0, "no device: %s", port.fault().c_str());
     }
-    const double time = now();
     if (time <= 0.0) return;  // simulated time has not begun
     std::uint8_t buffer[1024];
-    while (const std::size_t size = port_->read(buffer, sizeof(buffer)))
-      bridge_.link().receive(buffer, size, time);
+    while (const std::size_t size = port.read(buffer, sizeof(buffer))) link.receive(buffer, size, time);
+  }
+
+  void serve_lines() {
+    const double time = now();
+    if (bridge_.mavlink() != nullptr) serve(*ports_.mavlink, *bridge_.mavlink(), time);
+    if (bridge_.xrce() != nullptr) serve(*ports_.xrce, *bridge_.xrce(), time);
+    if (time <= 0.0) return;
+    if (bridge_.xrce() != nullptr) bridge_.xrce()->tick(time);  // the pace of the line is finer than ours
     if (time >= ticked_s_ && time < ticked_s_ + kTick_s) return;
     ticked_s_ = time;
     bridge_.tick(time);
@@ -174,7 +183,7 @@ class Px4BridgeNode {
     last_ = status;
     status_s_ = time;
     supervisor_.publish(supervisor_message(status, time));
-    state_.publish(state_message(bridge_, *port_, time));
+    state_.publish(state_message(bridge_, ports_, time));
   }
 
   void diagnose(diagnostic_updater::DiagnosticStatusWrapper& out) {
@@ -188,15 +197,16 @@ class Px4BridgeNode {
     out.add("set-points", status.setpoints);
     out.add("set-points malformed", status.malformed);
     out.add("set-points of a level without a message", status.unsupported);
-    out.add("bad checksums", bridge_.link().counters().bad_crc);
-    out.add("frames dropped", port_->counters().dropped_frames);
+    const atmos_msgs::AutopilotState line = state_message(bridge_, ports_, 0.0);
+    out.add("bad checksums", line.bad_checksum);
+    out.add("frames dropped", line.dropped);
   }
 
   ros::NodeHandle node_;
   std::string base_frame_;
   double period_s_;
   PwmGrid grid_;
-  std::unique_ptr<Port> port_;
+  Ports ports_;
   ros::Publisher imu_, battery_, motion_, outputs_, state_, supervisor_, text_;
   Px4Bridge bridge_;
   Px4Services services_;
@@ -209,15 +219,34 @@ class Px4BridgeNode {
 }  // namespace
 }  // namespace atmos
 
+namespace {
+
+atmos::LinkChoice link_named(const std::string& name, const std::string& node) {
+  if (name == "mavlink") return atmos::LinkChoice::kMavlink;
+  if (name == "xrce") return atmos::LinkChoice::kXrce;
+  if (name == "both") return atmos::LinkChoice::kBoth;
+  throw atmos::ConfigError({{node, 0, "link", "must be one of mavlink, xrce, both"}});
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   return atmos::run_node(argc, argv, "px4_bridge", [] {
     const ros::NodeHandle node("~");
     const auto vehicle = atmos::load_vehicle(atmos::required_parameter<std::string>(node, "vehicle"));
-    const auto config = atmos::load_bridge(atmos::required_parameter<std::string>(node, "config"));
-    const int baud = atmos::required_parameter<int>(node, "baud");
-    auto port = atmos::make_port(atmos::required_parameter<std::string>(node, "device"), baud);
+    const auto link = link_named(atmos::required_parameter<std::string>(node, "link"), node.getNamespace());
+    auto config = atmos::load_bridge(atmos::required_parameter<std::string>(node, "config"), link);
+    atmos::Ports ports;
+    if (config.mavlink)
+      ports.mavlink = atmos::make_port(atmos::required_parameter<std::string>(node, "device"),
+                                       atmos::required_parameter<int>(node, "baud"));
+    if (config.xrce) {
+      const int baud = atmos::required_parameter<int>(node, "xrce_baud");
+      ports.xrce = atmos::make_port(atmos::required_parameter<std::string>(node, "xrce_device"), baud);
+      config.xrce->baud = baud;
+    }
     const bool arm = atmos::required_parameter<bool>(node, "arm_at_start");
-    atmos::Px4BridgeNode(vehicle, config, std::move(port), baud).run(arm);
+    atmos::Px4BridgeNode(vehicle, config, std::move(ports)).run(arm);
     return 0;
   });
 }

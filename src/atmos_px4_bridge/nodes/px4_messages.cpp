@@ -80,25 +80,29 @@ OdometrySample odometry_from(const nav_msgs::Odometry& message) {
   return sample;
 }
 
-atmos_msgs::AutopilotState state_message(const Px4Bridge& bridge, const Port& port, double now_s) {
+atmos_msgs::AutopilotState state_message(const Px4Bridge& bridge, const Ports& ports, double now_s) {
   const FlightManagerStatus status = bridge.manager().status();
-  const LinkCounters& counters = bridge.link().counters();
-  const TimeSync& sync = bridge.link().time_sync();
   atmos_msgs::AutopilotState message;
   message.header.stamp.fromSec(now_s);
   message.connected = status.connected;
   message.armed = status.autopilot.armed;
   message.mode = name_of(status.autopilot.mode);
+  const TimeSync& sync =
+      bridge.mavlink() != nullptr ? bridge.mavlink()->time_sync() : bridge.xrce()->time_sync();
   message.clock_offset = sync.offset_s();
   message.clock_skew = sync.skew();
-  message.round_trip = sync.round_trip_s();
-  message.sent = counters.sent;
-  message.received = counters.received;
-  message.lost = counters.lost;
-  message.bad_checksum = counters.bad_crc;
-  message.dropped = port.counters().dropped_frames;
-  message.opened = port.counters().opened;
-  message.reboots = counters.reboots;
+  message.round_trip = bridge.mavlink() != nullptr ? sync.round_trip_s() : bridge.xrce()->round_trip_s();
+  const auto add = [&message](const LinkCounters& counters, const Port& port) {
+    message.sent += counters.sent;
+    message.received += counters.received;
+    message.lost += counters.lost;
+    message.bad_checksum += counters.bad_crc;
+    message.reboots += counters.reboots;
+    message.dropped += port.counters().dropped_frames;
+    message.opened += port.counters().opened;
+  };
+  if (bridge.mavlink() != nullptr) add(bridge.mavlink()->counters(), *ports.mavlink);
+  if (bridge.xrce() != nullptr) add(bridge.xrce()->counters(), *ports.xrce);
   return message;
 }
 

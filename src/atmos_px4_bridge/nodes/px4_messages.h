@@ -12,6 +12,7 @@
 #include <sensor_msgs/BatteryState.h>
 #include <sensor_msgs/Imu.h>
 
+#include <memory>
 #include <string>
 
 #include "atmos_px4_bridge/port.h"
@@ -27,7 +28,13 @@ Setpoint setpoint_from(const atmos_msgs::AttitudeCommand& message);
 Setpoint setpoint_from(const geometry_msgs::PoseStamped& message);
 OdometrySample odometry_from(const nav_msgs::Odometry& message);
 
-atmos_msgs::AutopilotState state_message(const Px4Bridge& bridge, const Port& port, double now_s);
+// By protocol; null when not used.
+struct Ports {
+  std::unique_ptr<Port> mavlink, xrce;
+};
+
+// Counters are sums over the links.
+atmos_msgs::AutopilotState state_message(const Px4Bridge& bridge, const Ports& ports, double now_s);
 atmos_msgs::SupervisorStatus supervisor_message(const FlightManagerStatus& status, double now_s);
 sensor_msgs::Imu imu_message(const ImuReading& reading, const std::string& frame);
 sensor_msgs::BatteryState battery_message(const BatteryReading& reading, double now_s,

@@ -13,6 +13,7 @@ namespace {
 constexpr double kAnswer_s = 1.0;  // wall time that the autopilot may take
 constexpr double kPoll_s = 0.001;
 constexpr const char* kNoAnswer = "no answer: no link, or no such parameter";
+constexpr const char* kNeedsMavlink = "needs MAVLink: link:=mavlink or both";
 
 bool within(double value, double least, double most) { return value >= least && value <= most; }
 
@@ -68,12 +69,16 @@ bool Px4Services::wait_for(const std::string& name) {
 
 bool Px4Services::read_parameter(const std::string& name) {
   parameter_.reset();
-  bridge_.link().request_parameter(name);
+  bridge_.mavlink()->request_parameter(name);
   return wait_for(name);
 }
 
 bool Px4Services::get_parameter(atmos_msgs::GetParameter::Request& request,
                                 atmos_msgs::GetParameter::Response& response) {
+  if (bridge_.mavlink() == nullptr) {
+    response.message = kNeedsMavlink;
+    return true;
+  }
   response.success = read_parameter(request.name);
   if (response.success) response.value = parameter_->value;
   if (!response.success) response.message = kNoAnswer;
@@ -82,6 +87,10 @@ bool Px4Services::get_parameter(atmos_msgs::GetParameter::Request& request,
 
 bool Px4Services::set_parameter(atmos_msgs::SetParameter::Request& request,
                                 atmos_msgs::SetParameter::Response& response) {
+  if (bridge_.mavlink() == nullptr) {
+    response.message = kNeedsMavlink;
+    return true;
+  }
   // Its type is known only to the autopilot.
   if (!read_parameter(request.name)) {
     response.message = kNoAnswer;
@@ -89,7 +98,7 @@ bool Px4Services::set_parameter(atmos_msgs::SetParameter::Request& request,
   }
   const Parameter wanted{request.name, request.value, parameter_->type};
   parameter_.reset();
-  bridge_.link().set_parameter(wanted);
+  bridge_.mavlink()->set_parameter(wanted);
   const bool answered = wait_for(wanted.name);
   response.value = answered ? parameter_->value : std::numeric_limits<double>::quiet_NaN();
   response.success =
@@ -100,11 +109,15 @@ bool Px4Services::set_parameter(atmos_msgs::SetParameter::Request& request,
 
 bool Px4Services::test_thruster(atmos_msgs::TestThruster::Request& request,
                                 atmos_msgs::TestThruster::Response& response) {
+  if (bridge_.mavlink() == nullptr) {
+    response.message = kNeedsMavlink;
+    return true;
+  }
   response.success = request.thruster >= 1 && request.thruster <= thrusters_ &&
                      within(request.duty, 0.0, 1.0) && within(request.duration, 0.0, 3.0) &&
                      !bridge_.manager().status().autopilot.armed;
   if (response.success) {
-    bridge_.link().send_actuator_test(request.thruster, request.duty, request.duration);
+    bridge_.mavlink()->send_actuator_test(request.thruster, request.duty, request.duration);
   } else {
     response.message =
         "refused: thruster, duty [0, 1] or duration [0, 3] s out of range, or the vehicle is armed";

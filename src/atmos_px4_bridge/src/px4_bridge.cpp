@@ -1,24 +1,76 @@
 #include "atmos_px4_bridge/px4_bridge.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "atmos_model/strict_yaml.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
 
 namespace atmos {
 
-BridgeConfig load_bridge(const std::string& path) {
+namespace {
+
+// Set-points, odometry and commands over one link; what disarms goes over both, so that either is enough.
+class DividedLink : public AutopilotLink {
+ public:
+  DividedLink(AutopilotLink& flies, AutopilotLink& disarms) : flies_(flies), disarms_(disarms) {}
+  LevelSupport support(Level level) const override { return flies_.support(level); }
+  void send_setpoint(const Setpoint& setpoint, const OdometrySample& measured, double now_s) override {
+    flies_.send_setpoint(setpoint, measured, now_s);
+  }
+  bool can_close() const override { return flies_.can_close(); }
+  void send_closed(double now_s) override { flies_.send_closed(now_s); }
+  void send_odometry(const OdometrySample& odometry, double now_s) override {
+    flies_.send_odometry(odometry, now_s);
+  }
+  void send_mode(FlightMode mode, double now_s) override { flies_.send_mode(mode, now_s); }
+  void send_arm(bool arm, bool force, double now_s) override {
+    flies_.send_arm(arm, force, now_s);
+    if (!arm) disarms_.send_arm(arm, force, now_s);
+  }
+
+ private:
+  AutopilotLink &flies_, &disarms_;
+};
+
+MavlinkConfig mavlink_config(const ConfigMap& map) {
+  MavlinkConfig config;
+  config.firmware =
+      map.choice("firmware", {"stock", "patched"}) == "patched" ? Firmware::kPatched : Firmware::kStock;
+  config.own.system = static_cast<mavlink::u8>(map.integer("system_id", 1, 255));
+  config.own.component = mavlink::kComponentOnboardComputer;
+  config.autopilot.system = static_cast<mavlink::u8>(map.integer("autopilot_system_id", 1, 255));
+  config.autopilot.component = mavlink::kComponentAutopilot;
+  config.attitude_p = map.number("autopilot_yaw_p_1_s", Bounds::positive());
+  return config;
+}
+
+XrceConfig xrce_config(const ConfigMap& map) {
+  XrceConfig config;
+  config.firmware = *xrce::firmware_named(map.choice("firmware", xrce::firmware_names()));
+  config.system_id = static_cast<std::uint8_t>(map.integer("system_id", 1, 255));
+  config.autopilot_system_id = static_cast<std::uint8_t>(map.integer("autopilot_system_id", 1, 255));
+  return config;
+}
+
+}  // namespace
+
+BridgeConfig load_bridge(const std::string& path, LinkChoice link) {
   const ConfigFile file(path);
   const ConfigMap root = file.root().map("px4_bridge");
   BridgeConfig config{};
-  const ConfigMap mavlink = root.map("mavlink");
-  config.mavlink.firmware =
-      mavlink.choice("firmware", {"stock", "patched"}) == "patched" ? Firmware::kPatched : Firmware::kStock;
-  config.mavlink.own.system = static_cast<mavlink::u8>(mavlink.integer("system_id", 1, 255));
-  config.mavlink.own.component = mavlink::kComponentOnboardComputer;
-  config.mavlink.autopilot.system = static_cast<mavlink::u8>(mavlink.integer("autopilot_system_id", 1, 255));
-  config.mavlink.autopilot.component = mavlink::kComponentAutopilot;
-  config.mavlink.attitude_p = mavlink.number("autopilot_yaw_p_1_s", Bounds::positive());
+  // What is not used is read all the same: a file is right or wrong whatever the link.
+  if (link != LinkChoice::kXrce) {
+    config.mavlink = mavlink_config(root.map("mavlink"));
+  } else if (const auto map = root.optional_map("mavlink")) {
+    mavlink_config(*map);
+  }
+  if (link != LinkChoice::kMavlink) {
+    config.xrce = xrce_config(root.map("xrce"));
+  } else if (const auto map = root.optional_map("xrce")) {
+    xrce_config(*map);
+  }
 
   const ConfigMap safety = root.map("safety");
   config.safety.setpoint_limit_s = safety.number("setpoint_limit_s", Bounds::positive());
@@ -35,41 +87,67 @@ BridgeConfig load_bridge(const std::string& path) {
   return config;
 }
 
-Px4Bridge::Px4Bridge(const BridgeConfig& config, const Vehicle& vehicle, MavlinkLink::Write write,
-                     MavlinkLink::Listener telemetry)
-    : link_(config.mavlink, vehicle, std::move(write), listener(std::move(telemetry))),
-      manager_(config.safety, link_, vehicle.thrusters.size(),
-               vehicle.actuation == Actuation::kOnOff ? 0.0 : -1.0) {}
+Px4Bridge::Px4Bridge(const BridgeConfig& config, const Vehicle& vehicle, Lines lines,
+                     TelemetryListener telemetry) {
+  for (double& heard_s : heard_s_) heard_s = -std::numeric_limits<double>::infinity();
+  if (config.mavlink) {
+    mavlink_ = std::make_unique<MavlinkLink>(*config.mavlink, vehicle, std::move(lines.mavlink),
+                                             listener(Source::kMavlink, telemetry));
+    link_ = mavlink_.get();
+  }
+  if (config.xrce) {
+    if (config.mavlink) telemetry.imu = nullptr, telemetry.motion = nullptr;
+    xrce_ = std::make_unique<XrceLink>(*config.xrce, vehicle, std::move(lines.xrce),
+                                       listener(Source::kXrce, telemetry));
+    link_ = xrce_.get();
+  }
+  if (config.mavlink && config.xrce) {
+    both_ = std::make_unique<DividedLink>(*xrce_, *mavlink_);
+    link_ = both_.get();
+  }
+  manager_ = std::make_unique<FlightManager>(config.safety, *link_, vehicle.thrusters.size(),
+                                             vehicle.actuation == Actuation::kOnOff ? 0.0 : -1.0);
+}
 
-MavlinkLink::Listener Px4Bridge::listener(MavlinkLink::Listener telemetry) {
-  MavlinkLink::Listener all = telemetry;
-  all.heard = [this, next = telemetry.heard](double now_s) {
+Px4Bridge::~Px4Bridge() = default;
+
+// A link is alive only while all of its lines are.
+void Px4Bridge::hear(Source source, double now_s) {
+  heard_s_[static_cast<int>(source)] = now_s;
+  const double other = heard_s_[source == Source::kMavlink ? 1 : 0];
+  manager_->hear(mavlink_ && xrce_ ? std::min(now_s, other) : now_s);
+}
+
+TelemetryListener Px4Bridge::listener(Source source, const TelemetryListener& telemetry) {
+  TelemetryListener all = telemetry;
+  all.heard = [this, source, next = telemetry.heard](double now_s) {
     now_s_ = now_s;
-    manager_.hear(now_s);
+    hear(source, now_s);
     if (next) next(now_s);
   };
   all.state = [this, next = telemetry.state](const AutopilotState& state) {
-    manager_.take_autopilot(state, now_s_);
+    manager_->take_autopilot(state, now_s_);
     if (next) next(state);
   };
   all.reboot = [this, next = telemetry.reboot](double now_s) {
-    manager_.take_reboot(now_s);
+    manager_->take_reboot(now_s);
     if (next) next(now_s);
   };
   all.refusal = [this, next = telemetry.refusal](const std::string& text) {
-    manager_.take_refusal(text);
+    manager_->take_refusal(text);
     if (next) next(text);
   };
   all.battery = [this, next = telemetry.battery](const BatteryReading& battery) {
-    if (std::isfinite(battery.share)) manager_.take_battery(battery.share);
+    if (std::isfinite(battery.share)) manager_->take_battery(battery.share);
     if (next) next(battery);
   };
   return all;
 }
 
 void Px4Bridge::tick(double now_s) {
-  link_.tick(now_s);
-  manager_.tick(now_s);
+  if (mavlink_) mavlink_->tick(now_s);
+  if (xrce_) xrce_->tick(now_s);
+  manager_->tick(now_s);
 }
 
 }  // namespace atmos

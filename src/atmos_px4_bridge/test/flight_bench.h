@@ -64,8 +64,8 @@ struct BodyState {
 using Law = std::function<std::optional<Setpoint>(double, const BodyState&)>;
 
 inline BridgeConfig bench_config(Firmware firmware) {
-  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml");
-  config.mavlink.firmware = firmware;
+  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", LinkChoice::kMavlink);
+  config.mavlink->firmware = firmware;
   return config;
 }
 
@@ -80,7 +80,7 @@ class FlightBench {
         down(kBytesPerSecond),
         up(kBytesPerSecond),
         bridge(bench_config(firmware), vehicle,
-               [this](const mavlink::u8* data, std::size_t size) { down.write(data, size, now); }),
+               {[this](const mavlink::u8* data, std::size_t size) { down.write(data, size, now); }, {}}),
         pixhawk(
             pixhawk_config(firmware), vehicle,
             [this](const mavlink::u8* data, std::size_t size) { up.write(data, size, now); }, kStart),
@@ -144,7 +144,7 @@ class FlightBench {
     now += kStep;
     ++count_;
     const auto to_pixhawk = down.read(now), to_bridge = up.read(now);
-    if (!to_bridge.empty()) bridge.link().receive(to_bridge.data(), to_bridge.size(), now);
+    if (!to_bridge.empty()) bridge.mavlink()->receive(to_bridge.data(), to_bridge.size(), now);
     if (!to_pixhawk.empty()) pixhawk.receive(to_pixhawk.data(), to_pixhawk.size(), now);
     if (count_ % 10 == 0 && odometry_on) bridge.manager().take_odometry(odometry(), now);
     // 20 ms before the period begins, as the controller does.

@@ -116,22 +116,40 @@ TEST(MakePort, NamesWhatIsWrong) {
 }
 
 TEST(BridgeFile, ShippedFilesLoadAndBrokenOnesAreNamed) {
-  EXPECT_EQ(load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml").mavlink.firmware, Firmware::kStock);
-  EXPECT_EQ(load_bridge(ATMOS_CONFIG_DIR "/px4/bridge_patched.yaml").mavlink.firmware, Firmware::kPatched);
+  EXPECT_EQ(load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", LinkChoice::kMavlink).mavlink->firmware,
+            Firmware::kStock);
+  EXPECT_EQ(load_bridge(ATMOS_CONFIG_DIR "/px4/bridge_patched.yaml", LinkChoice::kMavlink).mavlink->firmware,
+            Firmware::kPatched);
+  const BridgeConfig both = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", LinkChoice::kBoth);
+  EXPECT_TRUE(both.mavlink && both.xrce);
+  EXPECT_EQ(both.xrce->firmware, xrce::Firmware::kPx4Space);
+  EXPECT_FALSE(load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", LinkChoice::kXrce).mavlink);
+
   const std::string path = device_path() + ".yaml";
-  FILE* file = std::fopen(path.c_str(), "w");
-  std::fputs(
-      "px4_bridge: {mavlink: {firmware: new, system_id: 0}, safety: {area_min_m: [1, 1], area_max_m: [0, "
-      "0]}}",
-      file);
-  std::fclose(file);
-  try {
-    load_bridge(path);
-    ADD_FAILURE();
-  } catch (const ConfigError& error) {
-    for (const char* key : {"firmware", "system_id", "autopilot_system_id", "setpoint_limit_s", "area_max_m"})
-      EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << key;
-  }
+  const auto faults = [&path](const char* text, LinkChoice link) {
+    FILE* file = std::fopen(path.c_str(), "w");
+    std::fputs(text, file);
+    std::fclose(file);
+    try {
+      load_bridge(path, link);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const char* const broken =
+      "px4_bridge: {mavlink: {firmware: new, system_id: 0}, xrce: {firmware: px4, autopilot_system_id: 0}, "
+      "safety: {area_min_m: [1, 1], area_max_m: [0, 0]}}";
+  const std::string all = faults(broken, LinkChoice::kMavlink);
+  for (const char* key :
+       {"mavlink.firmware", "mavlink.system_id", "mavlink.autopilot_system_id", "xrce.firmware",
+        "xrce.system_id", "xrce.autopilot_system_id", "setpoint_limit_s", "area_max_m"})
+    EXPECT_NE(all.find(key), std::string::npos) << key << " in " << all;
+  // What the chosen link needs must be there; what it does not use may be absent.
+  EXPECT_NE(faults("px4_bridge: {mavlink: {}, safety: {}}", LinkChoice::kBoth).find("xrce.firmware"),
+            std::string::npos);
+  EXPECT_EQ(faults("px4_bridge: {mavlink: {}, safety: {}}", LinkChoice::kMavlink).find("xrce"),
+            std::string::npos);
   ::unlink(path.c_str());
 }
 

@@ -236,7 +236,7 @@ TEST_P(Safety, OnePercentOfDamagedBytesIsFlownThrough) {
   int not_flying = 0;
   bench.fly(30.0, [&] { not_flying += bench.flying() ? 0 : 1; });
   EXPECT_EQ(not_flying, 0);
-  EXPECT_GT(bench.bridge.link().counters().bad_crc, 100u);
+  EXPECT_GT(bench.bridge.mavlink()->counters().bad_crc, 100u);
   bench.down.corruption = bench.up.corruption = 0.0;
   bench.disturbance.setZero();
   bench.fly(30.0);
@@ -257,7 +257,7 @@ TEST_P(Safety, ThreeSecondsUnplugged) {
   bench.fly(3.0);
   EXPECT_GT(bench.closed_for_s(), 3.0 - 0.5 - 2.0 * kPeriod);
   bench.down.unplugged = bench.up.unplugged = false;
-  bench.bridge.link().restart();
+  bench.bridge.mavlink()->restart();
   expect_resumed();
 }
 
@@ -267,7 +267,7 @@ TEST_P(Safety, RebootOfTheAutopilot) {
   bench.fly(1.0);
   EXPECT_GT(bench.closed_for_s(), 0.99);
   expect_resumed();
-  EXPECT_EQ(bench.bridge.link().counters().reboots, 1u);
+  EXPECT_EQ(bench.bridge.mavlink()->counters().reboots, 1u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Firmware, Safety, ::testing::Values(Firmware::kPatched, Firmware::kStock));
@@ -305,8 +305,8 @@ TEST(Line, TrafficFitsTheLineWithRoomToSpare) {
 TEST(Clocks, OffsetAndSkewAreFound) {
   FlightBench bench(Firmware::kPatched, go_to(Level::kRate, {0.2, 0.0}, 0.0));
   bench.fly(120.0);
-  EXPECT_EQ(bench.bridge.link().counters().reboots, 0u);
-  const TimeSync& sync = bench.bridge.link().time_sync();
+  EXPECT_EQ(bench.bridge.mavlink()->counters().reboots, 0u);
+  const TimeSync& sync = bench.bridge.mavlink()->time_sync();
   ASSERT_TRUE(sync.known());
   const double remote = 1.0 + (bench.now - FlightBench::kStart) * (1.0 + 2e-5);
   EXPECT_NEAR(*sync.to_local(remote), bench.now, 2e-3);  // the bench reads the line every millisecond

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "atmos_px4_bridge/mavlink/frames.h"
+#include "atmos_px4_bridge/frames.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
 
 namespace atmos {

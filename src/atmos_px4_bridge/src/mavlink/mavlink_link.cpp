@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "atmos_px4_bridge/mavlink/frames.h"
+#include "atmos_px4_bridge/frames.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
 
 namespace atmos {
@@ -55,51 +55,10 @@ f32 parameter_bits(double value, u8 type) {
   return bits;
 }
 
-const char* result_text(u8 result) {
-  switch (result) {
-    case kResultTemporarilyRejected:
-      return "temporarily rejected";
-    case kResultDenied:
-      return "denied";
-    case kResultUnsupported:
-      return "unsupported";
-    default:
-      return "failed";
-  }
-}
-
 }  // namespace
 
-const char* name_of(FlightMode mode) {
-  switch (mode) {
-    case FlightMode::kManual:
-      return "manual";
-    case FlightMode::kAltitude:
-      return "altitude";
-    case FlightMode::kPosition:
-      return "position";
-    case FlightMode::kAuto:
-      return "auto";
-    case FlightMode::kAcro:
-      return "acro";
-    case FlightMode::kOffboard:
-      return "offboard";
-    case FlightMode::kStabilized:
-      return "stabilized";
-    case FlightMode::kUnknown:
-      break;
-  }
-  return "unknown";
-}
-
-FlightMode mode_named(const std::string& name) {
-  for (u8 number = 1; number <= 7; ++number) {
-    if (name == name_of(mode_of(number))) return mode_of(number);
-  }
-  return FlightMode::kUnknown;
-}
-
-MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Vehicle& vehicle, Write write, Listener listener)
+MavlinkLink::MavlinkLink(const MavlinkConfig& config, const Vehicle& vehicle, Write write,
+                         TelemetryListener listener)
     : config_(config),
       unit_(Allocator(vehicle).max_wrench()),
       thrusters_(vehicle.thrusters.size()),
@@ -405,7 +364,7 @@ void MavlinkLink::dispatch(const Frame& frame, double now_s) {
     on_timesync(*m, now_s);
   } else if (const auto m = decode<CommandAck>(frame)) {
     if (m->result != kResultAccepted && asked_.count(m->command))
-      call(listener_.refusal, asked_[m->command] + ": " + result_text(m->result));
+      call(listener_.refusal, asked_[m->command] + ": " + command_result_text(m->result));
   } else if (const auto m = decode<HighresImu>(frame)) {
     call(listener_.imu,
          ImuReading{local_time(static_cast<double>(m->time_usec) * 1e-6, now_s),

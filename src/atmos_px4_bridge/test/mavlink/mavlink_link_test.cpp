@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "atmos_px4_bridge/mavlink/frames.h"
+#include "atmos_px4_bridge/frames.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
 
 namespace atmos {
@@ -19,7 +19,7 @@ constexpr double kNow = 1234.5, kNaN = std::numeric_limits<double>::quiet_NaN();
 Vehicle vehicle() { return load_vehicle(ATMOS_CONFIG_DIR "/vehicle/atmos.yaml"); }
 
 struct Wire {
-  explicit Wire(Firmware firmware, MavlinkLink::Listener listener = {})
+  explicit Wire(Firmware firmware, TelemetryListener listener = {})
       : link(
             {firmware, {1, kComponentOnboardComputer}, {1, kComponentAutopilot}, 1.5}, vehicle(),
             [this](const u8* data, std::size_t size) { parser.push(data, size), ++frames; },
@@ -170,7 +170,7 @@ TEST(OdometryOnTheWire, IsVisionInNedAndFrd) {
 
 TEST(Commands, ModeArmAndRefusal) {
   std::string refusal;
-  MavlinkLink::Listener listener;
+  TelemetryListener listener;
   listener.refusal = [&](const std::string& text) { refusal = text; };
   Wire wire(Firmware::kStock, listener);
   wire.link.send_mode(FlightMode::kOffboard, kNow);
@@ -196,7 +196,7 @@ TEST(Telemetry, ComesInOurFramesAndOnlyFromTheAutopilot) {
   ImuReading imu{};
   BatteryReading battery{};
   ActuatorReading actuators{};
-  MavlinkLink::Listener listener;
+  TelemetryListener listener;
   listener.state = [&](const AutopilotState& s) { state = s; };
   listener.motion = [&](const MotionEstimate& m) { motion = m; };
   listener.imu = [&](const ImuReading& i) { imu = i; };
@@ -246,7 +246,7 @@ TEST(Telemetry, ComesInOurFramesAndOnlyFromTheAutopilot) {
 
 TEST(Parameters, WholeNumbersAreTheBitsOfTheFloat) {
   std::optional<Parameter> got;
-  MavlinkLink::Listener listener;
+  TelemetryListener listener;
   listener.parameter = [&](const Parameter& p) { got = p; };
   Wire wire(Firmware::kStock, listener);
   wire.link.set_parameter({"COM_OBL_RC_ACT", 7.0, kParameterInt32});

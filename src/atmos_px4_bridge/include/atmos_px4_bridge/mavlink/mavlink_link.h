@@ -14,6 +14,7 @@
 #include "atmos_model/vehicle.h"
 #include "atmos_px4_bridge/autopilot_link.h"
 #include "atmos_px4_bridge/mavlink/codec.h"
+#include "atmos_px4_bridge/telemetry.h"
 #include "atmos_px4_bridge/time_sync.h"
 
 namespace atmos {
@@ -27,52 +28,11 @@ struct MavlinkConfig {
   double attitude_p;  // 1/s, the autopilot's SC_YAW_P: for the work-around of the rate level
 };
 
-// Telemetry in our frames and units; stamps are ROS seconds (the time of arrival until clocks are matched).
-struct ImuReading {
-  double stamp_s;
-  Eigen::Vector3d acceleration_B, w_B;  // m/s^2, rad/s
-};
-struct MotionEstimate {  // of the autopilot's own estimator
-  double stamp_s = 0.0;
-  Eigen::Vector3d p_WB = kNotControlled, v_WB = kNotControlled;
-  Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
-  Eigen::Vector3d w_WB_B = Eigen::Vector3d::Zero();
-};
-struct BatteryReading {
-  double voltage_v, current_a, share;  // NaN: not measured
-};
-struct ActuatorReading {
-  double stamp_s;
-  std::vector<double> duty;
-};
-struct Parameter {
-  std::string name;
-  double value;
-  mavlink::u8 type;
-};
-
-struct LinkCounters {
-  std::uint64_t sent = 0, received = 0, bad_crc = 0, lost = 0, foreign = 0, reboots = 0;
-};
-
 class MavlinkLink : public AutopilotLink {
  public:
   using Write = std::function<void(const mavlink::u8*, std::size_t)>;
-  // Called out of receive().
-  struct Listener {
-    std::function<void(double)> heard;  // any message of the autopilot, at a time
-    std::function<void(const AutopilotState&)> state;
-    std::function<void(double)> reboot;
-    std::function<void(const std::string&)> refusal;
-    std::function<void(const ImuReading&)> imu;
-    std::function<void(const MotionEstimate&)> motion;
-    std::function<void(const BatteryReading&)> battery;
-    std::function<void(const ActuatorReading&)> actuators;
-    std::function<void(int, const std::string&)> text;  // severity 0 (emergency) to 7 (debug)
-    std::function<void(const Parameter&)> parameter;
-  };
 
-  MavlinkLink(const MavlinkConfig& config, const Vehicle& vehicle, Write write, Listener listener);
+  MavlinkLink(const MavlinkConfig& config, const Vehicle& vehicle, Write write, TelemetryListener listener);
 
   // Bytes as they came from the line.
   void receive(const mavlink::u8* data, std::size_t size, double now_s);
@@ -114,7 +74,7 @@ class MavlinkLink : public AutopilotLink {
   BodyWrench unit_;  // N, N, N m of a normalised 1
   std::size_t thrusters_;
   Write write_;
-  Listener listener_;
+  TelemetryListener listener_;
   mavlink::Parser parser_;
   TimeSync time_sync_;
   LinkCounters counters_;

@@ -1,5 +1,5 @@
 // The MAVLink messages we speak, as plain structs made of the rows of messages.def. Field names, units and
-// frames are those of the public message definitions; conversions are in frames.h and nowhere else.
+// frames are those of the public message definitions; conversions are in ../frames.h and nowhere else.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "atmos_px4_bridge/mavlink/frames.h"
+#include "atmos_px4_bridge/frames.h"
 
 #include <gtest/gtest.h>
 
