@@ -40,21 +40,24 @@ const std::map<u32, double> kRates = {
 }  // namespace
 
 PixhawkEmulator::PixhawkEmulator(const PixhawkConfig& config, const Vehicle& vehicle, Write write,
-                                 double now_s)
+                                 double now_s, Write xrce)
     : config_(config),
       vehicle_(vehicle),
       write_(std::move(write)),
       boot_s_(now_s),
       cascade_(vehicle, config.parameters.gains(), Units::kNormalised),
-      duty_(vehicle.thrusters.size(), 0.0) {
+      duty_(vehicle.thrusters.size(), 0.0),
+      xrce_write_(std::move(xrce)) {
   next_edge_s_ = std::ceil((now_s - config_.pwm_phase_s) / vehicle_.pwm.period_s) * vehicle_.pwm.period_s +
                  config_.pwm_phase_s;
   for (const auto& [id, rate] : kRates) interval_s_[id] = 1.0 / rate;
+  if (xrce_write_) start_xrce();
 }
 
 ThrusterCommand PixhawkEmulator::reboot(double now_s) {
   const PixhawkConfig config = config_;
-  *this = PixhawkEmulator(config, vehicle_, write_, now_s);
+  *this = PixhawkEmulator(config, vehicle_, write_, now_s, xrce_write_);
+  if (xrce_) start_xrce();  // its callbacks name this object
   return {now_s, vehicle_.pwm.period_s, std::vector<double>(vehicle_.thrusters.size(), 0.0)};
 }
 
@@ -403,6 +406,7 @@ void PixhawkEmulator::control(double now_s) {
 std::optional<ThrusterCommand> PixhawkEmulator::tick(double now_s) {
   control(now_s);
   stream(now_s);
+  if (xrce_) publish_all(now_s);
   const double period = vehicle_.pwm.period_s;
   if (now_s > next_edge_s_ + period) {  // a pause of the clock: periods that passed meanwhile had no order
     next_edge_s_ += std::floor((now_s - next_edge_s_) / period) * period;

@@ -1,6 +1,6 @@
-// A Pixhawk with PX4Space as far as its serial line shows it: MAVLink, arming and modes, offboard rules,
-// estimator input, cascade, PWM. Stands in for the hardware behind the very bridge that flies it
-// (docs/px4_bridge.md, "Emulator"). Times are ROS seconds; the emulated autopilot has a clock of its own.
+// A Pixhawk with PX4Space as far as its serial lines show it: MAVLink, uxrce_dds_client, arming and modes,
+// offboard rules, estimator input, cascade, PWM. Stands in for the hardware behind the very bridge that flies
+// it (docs/px4_bridge.md, "Emulator"). Times are ROS seconds; the emulated autopilot has a clock of its own.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +14,7 @@
 #include "atmos_model/vehicle.h"
 #include "atmos_px4_bridge/cascade.h"
 #include "atmos_px4_bridge/emulator/pixhawk_parameters.h"
+#include "atmos_px4_bridge/emulator/uxrce_client.h"
 #include "atmos_px4_bridge/emulator/vision_estimator.h"
 #include "atmos_px4_bridge/mavlink/codec.h"
 #include "atmos_px4_bridge/mavlink/mavlink_link.h"
@@ -26,15 +27,19 @@ struct PixhawkConfig {
   double pwm_phase_s = 0.02;    // of the PWM edges after whole multiples of the period in ROS time
   double latch_lead_s = 0.016;  // before an edge: the simulator must have the order when the period begins
   double clock_skew = 0.0;      // s/s, of the autopilot's clock
+  int clock_exchanges = 500;    // of the XRCE client, before it runs
 };
 
 class PixhawkEmulator {
  public:
   using Write = std::function<void(const mavlink::u8*, std::size_t)>;
 
-  PixhawkEmulator(const PixhawkConfig& config, const Vehicle& vehicle, Write write, double now_s);
+  // `xrce`: where the bytes of uxrce_dds_client go; empty when it is not started (UXRCE_DDS_CFG 0).
+  PixhawkEmulator(const PixhawkConfig& config, const Vehicle& vehicle, Write write, double now_s,
+                  Write xrce = nullptr);
 
   void receive(const mavlink::u8* data, std::size_t size, double now_s);
+  void receive_xrce(const std::uint8_t* data, std::size_t size, double now_s);
   // The inertial sensors, body FLU [rad/s, m/s^2].
   void sense(const Eigen::Vector3d& gyro_B, const Eigen::Vector3d& acceleration_B);
   void take_battery(double voltage_v, double share) { voltage_v_ = voltage_v, charge_ = share; }
@@ -49,6 +54,10 @@ class PixhawkEmulator {
   FlightMode mode() const { return mode_; }
   const PixhawkParameters& parameters() const { return config_.parameters; }
   std::uint64_t ignored() const { return ignored_; }  // set-points without an effect on this firmware
+  // Set-points by XRCE outside offboard mode, or of a level that the mode message does not name. PX4 takes
+  // them all the same, against its own controllers.
+  std::uint64_t stray() const { return stray_; }
+  const UxrceClient* xrce() const { return xrce_ ? &*xrce_ : nullptr; }
 
  private:
   // Seconds since power on; the line is served from the first second on.
@@ -71,6 +80,13 @@ class PixhawkEmulator {
   void stream(double now_s);
   void send_stream(mavlink::u32 id, double now_s);
   void report_parameter(const std::string& name);
+  void start_xrce();
+  void on_uorb(const std::string& topic, const std::uint8_t* payload, std::size_t size, double now_s);
+  void take_uorb_setpoint(Level level, double now_s);
+  std::uint64_t agent_us(double clock_s) const;
+  template <class Message>
+  void publish(const UxrceClient::Topic& topic, Message message, double clock_s);
+  void publish_all(double now_s);
   bool for_us(mavlink::u8 system, mavlink::u8 component) const;
   static constexpr double kNever = -std::numeric_limits<double>::infinity();
 
@@ -103,7 +119,16 @@ class PixhawkEmulator {
   std::vector<double> duty_;
   double next_edge_s_;
   std::map<mavlink::u32, double> interval_s_, streamed_s_;
-  std::uint64_t ignored_ = 0;
+  std::uint64_t ignored_ = 0, stray_ = 0;
+
+  Write xrce_write_;
+  std::optional<UxrceClient> xrce_;
+  std::map<Level, Setpoint> uorb_;   // newest of each level
+  std::optional<Level> uorb_level_;  // of the newest mode message
+  double published_s_ = kNever, status_s_ = kNever, slow_s_ = kNever;
+  bool status_armed_ = false;
+  FlightMode status_mode_ = FlightMode::kUnknown;
+  double receiving_s_ = 0.0;
 };
 
 }  // namespace atmos
