@@ -1,7 +1,7 @@
-// An emulated Pixhawk on a pseudo-terminal, in front of the simulator's valves: sim/truth (as its inertial
-// sensors), battery -> valves. Parameters: ~vehicle, ~config (paths; config: PX4 parameters), ~device (where
-// the pseudo-terminal appears), ~firmware (stock or patched). Services to break the line: ~unplug (SetBool),
-// ~reboot (Trigger).
+// An emulated Pixhawk on two pseudo-terminals, in front of the simulator's valves: sim/truth (as its inertial
+// sensors), battery -> valves. Parameters: ~vehicle, ~config (paths; config: PX4 parameters), ~device and
+// ~xrce_device (where the pseudo-terminals of MAVLink and of uxrce_dds_client appear), ~firmware (stock or
+// patched). Services to break the lines: ~unplug (SetBool), ~reboot (Trigger).
 #include <atmos_msgs/ThrusterCommand.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/callback_queue.h>
@@ -24,8 +24,9 @@ constexpr double kPoll_s = 0.001;
 
 class PixhawkEmulatorNode {
  public:
-  PixhawkEmulatorNode(const Vehicle& vehicle, const PixhawkConfig& config, const std::string& device)
-      : vehicle_(vehicle), config_(config), terminal_(device) {
+  PixhawkEmulatorNode(const Vehicle& vehicle, const PixhawkConfig& config, const std::string& device,
+                      const std::string& xrce_device)
+      : vehicle_(vehicle), config_(config), mavlink_(device), xrce_(xrce_device) {
     valves_ = node_.advertise<atmos_msgs::ThrusterCommand>("valves", 100);
     const auto hints = ros::TransportHints().tcpNoDelay();
     truth_ = node_.subscribe("sim/truth", 100, &PixhawkEmulatorNode::on_truth, this, hints);
@@ -40,14 +41,12 @@ class PixhawkEmulatorNode {
       ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(kPoll_s));
       const double now = ros::Time::now().toSec();
       if (now <= 0.0) continue;
-      if (!pixhawk_) {
-        pixhawk_.emplace(
-            config_, vehicle_,
-            [this](const std::uint8_t* data, std::size_t size) { terminal_.write(data, size); }, now);
-      }
+      if (!pixhawk_) pixhawk_.emplace(config_, vehicle_, writer(mavlink_), now, writer(xrce_));
       std::uint8_t buffer[1024];
-      while (const std::size_t size = terminal_.read(buffer, sizeof(buffer)))
+      while (const std::size_t size = mavlink_.read(buffer, sizeof(buffer)))
         pixhawk_->receive(buffer, size, now);
+      while (const std::size_t size = xrce_.read(buffer, sizeof(buffer)))
+        pixhawk_->receive_xrce(buffer, size, now);
       // Simulated time stands still between two ticks of its clock.
       if (now == ticked_s_) continue;
       ticked_s_ = now;
@@ -56,6 +55,9 @@ class PixhawkEmulatorNode {
   }
 
  private:
+  static PixhawkEmulator::Write writer(PseudoTerminal& terminal) {
+    return [&terminal](const std::uint8_t* data, std::size_t size) { terminal.write(data, size); };
+  }
   void on_truth(const nav_msgs::Odometry& message) {
     const auto& w = message.twist.twist.angular;
     if (pixhawk_) pixhawk_->sense({w.x, w.y, w.z}, {0.0, 0.0, kGravity});
@@ -73,10 +75,12 @@ class PixhawkEmulatorNode {
   }
 
   bool unplug(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
-    if (request.data) {
-      terminal_.unplug();
-    } else {
-      terminal_.plug();
+    for (PseudoTerminal* terminal : {&mavlink_, &xrce_}) {
+      if (request.data) {
+        terminal->unplug();
+      } else {
+        terminal->plug();
+      }
     }
     response.success = true;
     return true;
@@ -90,7 +94,7 @@ class PixhawkEmulatorNode {
   ros::NodeHandle node_;
   Vehicle vehicle_;
   PixhawkConfig config_;
-  PseudoTerminal terminal_;
+  PseudoTerminal mavlink_, xrce_;
   std::optional<PixhawkEmulator> pixhawk_;
   ros::Publisher valves_;
   ros::Subscriber truth_, battery_;
@@ -113,8 +117,9 @@ int main(int argc, char** argv) {
       throw atmos::ConfigError({{node.getNamespace(), 0, "firmware", "must be one of stock, patched"}});
     config.firmware = firmware == "patched" ? atmos::Firmware::kPatched : atmos::Firmware::kStock;
     const auto device = atmos::required_parameter<std::string>(node, "device");
+    const auto xrce_device = atmos::required_parameter<std::string>(node, "xrce_device");
     try {
-      atmos::PixhawkEmulatorNode(vehicle, config, device).run();
+      atmos::PixhawkEmulatorNode(vehicle, config, device, xrce_device).run();
     } catch (const std::runtime_error& error) {
       std::fprintf(stderr, "pixhawk_emulator: %s\n", error.what());
       return 1;

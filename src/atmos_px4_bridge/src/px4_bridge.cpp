@@ -11,10 +11,10 @@ namespace atmos {
 
 namespace {
 
-// Set-points, odometry and commands over one link; what disarms goes over both, so that either is enough.
+// Set-points, odometry and arming over one link; modes and what disarms go over both, so that either is enough.
 class DividedLink : public AutopilotLink {
  public:
-  DividedLink(AutopilotLink& flies, AutopilotLink& disarms) : flies_(flies), disarms_(disarms) {}
+  DividedLink(AutopilotLink& flies, AutopilotLink& commands) : flies_(flies), commands_(commands) {}
   LevelSupport support(Level level) const override { return flies_.support(level); }
   void send_setpoint(const Setpoint& setpoint, const OdometrySample& measured, double now_s) override {
     flies_.send_setpoint(setpoint, measured, now_s);
@@ -24,14 +24,17 @@ class DividedLink : public AutopilotLink {
   void send_odometry(const OdometrySample& odometry, double now_s) override {
     flies_.send_odometry(odometry, now_s);
   }
-  void send_mode(FlightMode mode, double now_s) override { flies_.send_mode(mode, now_s); }
+  void send_mode(FlightMode mode, double now_s) override {
+    flies_.send_mode(mode, now_s);
+    commands_.send_mode(mode, now_s);
+  }
   void send_arm(bool arm, bool force, double now_s) override {
     flies_.send_arm(arm, force, now_s);
-    if (!arm) disarms_.send_arm(arm, force, now_s);
+    if (!arm) commands_.send_arm(arm, force, now_s);
   }
 
  private:
-  AutopilotLink &flies_, &disarms_;
+  AutopilotLink &flies_, &commands_;
 };
 
 MavlinkConfig mavlink_config(const ConfigMap& map) {

@@ -63,9 +63,9 @@ struct BodyState {
 };
 using Law = std::function<std::optional<Setpoint>(double, const BodyState&)>;
 
-inline BridgeConfig bench_config(Firmware firmware) {
-  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", LinkChoice::kMavlink);
-  config.mavlink->firmware = firmware;
+inline BridgeConfig bench_config(Firmware firmware, LinkChoice link = LinkChoice::kMavlink) {
+  BridgeConfig config = load_bridge(ATMOS_CONFIG_DIR "/px4/bridge.yaml", link);
+  if (config.mavlink) config.mavlink->firmware = firmware;
   return config;
 }
 
@@ -74,16 +74,12 @@ class FlightBench {
   static constexpr double kStart = 1234.5, kStep = 0.001;
   static constexpr double kBytesPerSecond = 92160.0;  // 921600 baud, 8N1
 
-  explicit FlightBench(Firmware firmware, Law control)
+  explicit FlightBench(Firmware firmware, Law control, LinkChoice link = LinkChoice::kMavlink)
       : vehicle(bench_vehicle()),
         law(std::move(control)),
-        down(kBytesPerSecond),
-        up(kBytesPerSecond),
-        bridge(bench_config(firmware), vehicle,
-               {[this](const mavlink::u8* data, std::size_t size) { down.write(data, size, now); }, {}}),
-        pixhawk(
-            pixhawk_config(firmware), vehicle,
-            [this](const mavlink::u8* data, std::size_t size) { up.write(data, size, now); }, kStart),
+        bridge(bench_config(firmware, link), vehicle, {writer(down), writer(xrce_down)}),
+        pixhawk(pixhawk_config(firmware), vehicle, writer(up), kStart,
+                link == LinkChoice::kMavlink ? PixhawkEmulator::Write() : writer(xrce_up)),
         valves_(static_cast<int>(vehicle.thrusters.size())),
         matrices_(thruster_matrices(vehicle)) {}
 
@@ -92,6 +88,7 @@ class FlightBench {
     config.firmware = firmware;
     config.parameters = PixhawkParameters::load(ATMOS_CONFIG_DIR "/px4/pixhawk.yaml");
     config.clock_skew = 2e-5;
+    config.clock_exchanges = 50;  // instead of PX4's 500: five seconds less for each start
     return config;
   }
 
@@ -128,24 +125,45 @@ class FlightBench {
   // Seconds since a valve was open.
   double closed_for_s() const { return now - open_s_; }
   void reboot() { valves_.add(pixhawk.reboot(now), now); }
+  void for_each_line(const std::function<void(Line&)>& act) {
+    for (Line* line : {&down, &up, &xrce_down, &xrce_up}) act(*line);
+  }
+  void unplug() {
+    for_each_line([](Line& line) { line.unplugged = true, line.cut(); });
+  }
+  void plug() {
+    for_each_line([](Line& line) { line.unplugged = false; });
+    if (bridge.mavlink() != nullptr) bridge.mavlink()->restart();
+    if (bridge.xrce() != nullptr) bridge.xrce()->restart();
+  }
 
   Vehicle vehicle;
   double now = kStart;
   BodyState body{{0.0, 0.0}, {0.0, 0.0}, 0.0, 0.0};
   Law law;
   bool odometry_on = true;
-  Line down, up;  // to the autopilot, from it
+  // MAVLink's and XRCE's, to the autopilot and from it.
+  Line down{kBytesPerSecond}, up{kBytesPerSecond}, xrce_down{kBytesPerSecond}, xrce_up{kBytesPerSecond};
   Px4Bridge bridge;
   PixhawkEmulator pixhawk;
   BodyWrench disturbance = BodyWrench::Zero();  // force in world axes
 
  private:
+  std::function<void(const std::uint8_t*, std::size_t)> writer(Line& line) {
+    return [this, &line](const std::uint8_t* data, std::size_t size) { line.write(data, size, now); };
+  }
   void step() {
     now += kStep;
     ++count_;
     const auto to_pixhawk = down.read(now), to_bridge = up.read(now);
-    if (!to_bridge.empty()) bridge.mavlink()->receive(to_bridge.data(), to_bridge.size(), now);
+    if (bridge.mavlink() != nullptr) bridge.mavlink()->receive(to_bridge.data(), to_bridge.size(), now);
     if (!to_pixhawk.empty()) pixhawk.receive(to_pixhawk.data(), to_pixhawk.size(), now);
+    const auto to_client = xrce_down.read(now), to_endpoint = xrce_up.read(now);
+    if (bridge.xrce() != nullptr) {
+      bridge.xrce()->receive(to_endpoint.data(), to_endpoint.size(), now);
+      bridge.xrce()->tick(now);
+      pixhawk.receive_xrce(to_client.data(), to_client.size(), now);
+    }
     if (count_ % 10 == 0 && odometry_on) bridge.manager().take_odometry(odometry(), now);
     // 20 ms before the period begins, as the controller does.
     if (count_ % 100 == 80) {

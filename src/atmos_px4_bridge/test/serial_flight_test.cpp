@@ -10,16 +10,18 @@ namespace atmos::test {
 namespace {
 
 struct Case {
-  Firmware firmware;
+  Firmware firmware;  // as MAVLink sees it
   Level level;
   double position_m, yaw_deg;
+  LinkChoice link = LinkChoice::kMavlink;
 };
+constexpr LinkChoice kXrce = LinkChoice::kXrce, kBoth = LinkChoice::kBoth;
 
 class Levels : public ::testing::TestWithParam<Case> {};
 
 TEST_P(Levels, ReachesAPoseAndRests) {
   const Case c = GetParam();
-  FlightBench bench(c.firmware, go_to(c.level, {0.4, -0.2}, 0.5));
+  FlightBench bench(c.firmware, go_to(c.level, {0.4, -0.2}, 0.5), c.link);
   ASSERT_TRUE(bench.take_off()) << bench.bridge.manager().status().refusal;
   bench.fly(40.0);
   double position = 0.0, yaw = 0.0;
@@ -30,6 +32,7 @@ TEST_P(Levels, ReachesAPoseAndRests) {
   EXPECT_LT(position, c.position_m);
   EXPECT_LT(yaw, c.yaw_deg * M_PI / 180.0);
   EXPECT_EQ(bench.bridge.manager().status().state, OffboardSession::State::kFlying);
+  EXPECT_EQ(bench.pixhawk.stray(), 0u) << "PX4 obeys set-points in every mode";
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Levels,
@@ -39,7 +42,15 @@ INSTANTIATE_TEST_SUITE_P(All, Levels,
                                            Case{Firmware::kPatched, Level::kAttitude, 0.01, 1.0},
                                            Case{Firmware::kPatched, Level::kPosition, 0.01, 1.0},
                                            Case{Firmware::kStock, Level::kRate, 0.03, 2.0},
-                                           Case{Firmware::kStock, Level::kAttitude, 0.01, 1.0}));
+                                           Case{Firmware::kStock, Level::kAttitude, 0.01, 1.0},
+                                           Case{Firmware::kStock, Level::kThrusters, 0.01, 1.0, kXrce},
+                                           Case{Firmware::kStock, Level::kWrench, 0.01, 1.0, kXrce},
+                                           Case{Firmware::kStock, Level::kRate, 0.01, 1.0, kXrce},
+                                           Case{Firmware::kStock, Level::kAttitude, 0.01, 1.0, kXrce},
+                                           Case{Firmware::kStock, Level::kPosition, 0.01, 1.0, kXrce},
+                                           Case{Firmware::kStock, Level::kThrusters, 0.01, 1.0, kBoth},
+                                           Case{Firmware::kStock, Level::kWrench, 0.01, 1.0, kBoth},
+                                           Case{Firmware::kStock, Level::kRate, 0.01, 1.0, kBoth}));
 
 TEST(StockFirmware, LosesTheYawOfAPositionSetpoint) {
   FlightBench bench(Firmware::kStock, go_to(Level::kPosition, {0.3, 0.0}, 0.5));
@@ -63,10 +74,15 @@ TEST(StockFirmware, RefusesLevelsThatHaveNoMessageAndSaysSo) {
 
 constexpr double kPeriod = 0.1;
 
-class Safety : public ::testing::TestWithParam<Firmware> {
+struct Connection {
+  Firmware firmware;
+  LinkChoice link = LinkChoice::kMavlink;
+};
+
+class Safety : public ::testing::TestWithParam<Connection> {
  protected:
   // A robot that always has to push: it flies against a steady force.
-  Safety() : bench(GetParam(), go_to(Level::kRate, {0.2, 0.0}, 0.0)) {
+  Safety() : bench(GetParam().firmware, go_to(Level::kRate, {0.2, 0.0}, 0.0), GetParam().link) {
     bench.disturbance = {0.3, 0.1, 0.01};
     EXPECT_TRUE(bench.take_off());
     bench.fly(3.0);
@@ -125,11 +141,10 @@ TEST_P(Safety, ClosedCommandOfTheController) {
 }
 
 TEST_P(Safety, LostLink) {
-  bench.down.unplugged = bench.up.unplugged = true;
-  bench.down.cut(), bench.up.cut();
+  bench.unplug();
   expect_closed(Rule::kLinkLost, 0.5);
   EXPECT_FALSE(bench.bridge.manager().status().connected);
-  bench.down.unplugged = bench.up.unplugged = false;
+  bench.plug();
   expect_resumed();
 }
 
@@ -219,7 +234,7 @@ TEST_P(Safety, APilotWhoTakesOverIsNotFought) {
   bench.bridge.manager().request(true);
   expect_resumed();
 
-  if (GetParam() == Firmware::kStock) return;  // closed means disarmed there
+  if (!bench.bridge.link().can_close()) return;  // closed means disarmed there
   bench.fly(5.0);
   bench.odometry_on = false;
   bench.fly(2.0);
@@ -232,12 +247,17 @@ TEST_P(Safety, APilotWhoTakesOverIsNotFought) {
 // --- faults of the line ---
 
 TEST_P(Safety, OnePercentOfDamagedBytesIsFlownThrough) {
-  bench.down.corruption = bench.up.corruption = 0.01;
+  bench.for_each_line([](Line& line) { line.corruption = 0.01; });
   int not_flying = 0;
   bench.fly(30.0, [&] { not_flying += bench.flying() ? 0 : 1; });
   EXPECT_EQ(not_flying, 0);
-  EXPECT_GT(bench.bridge.mavlink()->counters().bad_crc, 100u);
-  bench.down.corruption = bench.up.corruption = 0.0;
+  if (bench.bridge.mavlink() != nullptr) {
+    EXPECT_GT(bench.bridge.mavlink()->counters().bad_crc, 100u);
+  }
+  if (bench.bridge.xrce() != nullptr) {
+    EXPECT_GT(bench.bridge.xrce()->counters().bad_crc, 100u);
+  }
+  bench.for_each_line([](Line& line) { line.corruption = 0.0; });
   bench.disturbance.setZero();
   bench.fly(30.0);
   EXPECT_NEAR(bench.body.p.x(), 0.2, 0.03);
@@ -245,19 +265,17 @@ TEST_P(Safety, OnePercentOfDamagedBytesIsFlownThrough) {
 
 TEST_P(Safety, StallsOf100MsAreFlownThrough) {
   for (int k = 0; k < 20; ++k) {
-    bench.down.stalled_until_s = bench.up.stalled_until_s = bench.now + 0.1;
+    bench.for_each_line([&](Line& line) { line.stalled_until_s = bench.now + 0.1; });
     bench.fly(1.0);
     EXPECT_TRUE(bench.flying()) << k;
   }
 }
 
 TEST_P(Safety, ThreeSecondsUnplugged) {
-  bench.down.unplugged = bench.up.unplugged = true;
-  bench.down.cut(), bench.up.cut();
+  bench.unplug();
   bench.fly(3.0);
   EXPECT_GT(bench.closed_for_s(), 3.0 - 0.5 - 2.0 * kPeriod);
-  bench.down.unplugged = bench.up.unplugged = false;
-  bench.bridge.mavlink()->restart();
+  bench.plug();
   expect_resumed();
 }
 
@@ -267,10 +285,38 @@ TEST_P(Safety, RebootOfTheAutopilot) {
   bench.fly(1.0);
   EXPECT_GT(bench.closed_for_s(), 0.99);
   expect_resumed();
-  EXPECT_EQ(bench.bridge.mavlink()->counters().reboots, 1u);
+  if (bench.bridge.mavlink() != nullptr) {
+    EXPECT_EQ(bench.bridge.mavlink()->counters().reboots, 1u);
+  }
+  if (bench.bridge.xrce() != nullptr) {
+    EXPECT_EQ(bench.bridge.xrce()->counters().reboots, 1u);
+  }
 }
 
-INSTANTIATE_TEST_SUITE_P(Firmware, Safety, ::testing::Values(Firmware::kPatched, Firmware::kStock));
+// With both links, either line that is lost closes the valves, and either line disarms.
+TEST_P(Safety, EachLineByItselfIsMissed) {
+  if (GetParam().link != kBoth) return;
+  for (const bool mavlink : {true, false}) {
+    Line& down = mavlink ? bench.down : bench.xrce_down;
+    Line& up = mavlink ? bench.up : bench.xrce_up;
+    down.unplugged = up.unplugged = true;
+    expect_closed(Rule::kLinkLost, 0.5);
+    bench.bridge.manager().set_kill(true);
+    bench.fly(1.0);
+    EXPECT_FALSE(bench.pixhawk.armed());
+    down.unplugged = up.unplugged = false;
+    bench.bridge.manager().set_kill(false);
+    bench.fly(6.0);
+    bench.bridge.manager().request(true);
+    expect_resumed();
+    bench.fly(3.0);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Firmware, Safety,
+                         ::testing::Values(Connection{Firmware::kPatched}, Connection{Firmware::kStock},
+                                           Connection{Firmware::kStock, kXrce},
+                                           Connection{Firmware::kStock, kBoth}));
 
 // --- the line's load and clocks ---
 

@@ -13,8 +13,8 @@
 
 namespace atmos {
 
-// Which protocols are spoken. kBoth: set-points, odometry and commands over XRCE; telemetry and parameters
-// over MAVLink, which disarms, too.
+// Which protocols are spoken. kBoth: set-points, odometry and arming over XRCE; telemetry and parameters over
+// MAVLink; modes and disarming over either.
 enum class LinkChoice { kMavlink, kXrce, kBoth };
 
 // A bridge file (config/px4/bridge.yaml), as far as the links that are used need it.
