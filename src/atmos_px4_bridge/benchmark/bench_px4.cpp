@@ -9,7 +9,7 @@
 
 #include "../test/mavlink/fields.h"
 #include "atmos_px4_bridge/emulator/pseudo_terminal.h"
-#include "atmos_px4_bridge/mavlink/link_budget.h"
+#include "atmos_px4_bridge/link_budget.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
 #include "atmos_px4_bridge/port.h"
 #include "atmos_px4_bridge/px4_bridge.h"
@@ -107,18 +107,53 @@ void setpoint_to_wire() {
   print_ms("px4/setpoint_to_wire", ms);
 }
 
-// The share of the line, computed from the message table.
+// The share of the line, computed from the message tables.
 void budget() {
-  const auto rows = atmos::flight_traffic();
-  for (const auto& row : rows)
-    std::fprintf(stderr, "  %-20s %s %4.0f B x %5.1f Hz = %7.1f B/s\n", row.message,
-                 row.to_autopilot ? "to the autopilot" : "from it         ", row.bytes, row.rate_hz,
-                 row.bytes * row.rate_hz);
-  for (const double baud : {57600.0, 460800.0, 921600.0}) {
-    for (const bool to : {true, false})
-      std::printf("{\"name\": \"px4/line_share/%.0f/%s\", \"unit\": \"1\", \"value\": %.4g}\n", baud,
-                  to ? "to_autopilot" : "from_autopilot", atmos::line_share(rows, to, baud));
+  for (const bool mavlink : {true, false}) {
+    const auto rows =
+        mavlink ? atmos::mavlink_traffic() : atmos::xrce_traffic(atmos::xrce::Firmware::kPx4Space);
+    const char* const name = mavlink ? "line_share" : "xrce_line_share";
+    for (const auto& row : rows)
+      std::fprintf(stderr, "  %-24s %s %4.0f B x %5.1f Hz = %7.1f B/s\n", row.message.c_str(),
+                   row.to_autopilot ? "to the autopilot" : "from it         ", row.bytes, row.rate_hz,
+                   row.bytes * row.rate_hz);
+    for (const double baud : {57600.0, 115200.0, 460800.0, 921600.0}) {
+      for (const bool to : {true, false})
+        std::printf("{\"name\": \"px4/%s/%.0f/%s\", \"unit\": \"1\", \"value\": %.4g}\n", name, baud,
+                    to ? "to_autopilot" : "from_autopilot", atmos::line_share(rows, to, baud));
+    }
   }
+}
+
+// From bytes that come in on a pseudo-terminal to those of the time reply at its other end, polled as the
+// node does.
+void time_reply() {
+  using namespace atmos;
+  const std::string device = "/tmp/bench_px4_" + std::to_string(::getpid());
+  PseudoTerminal terminal(device);
+  const auto port = make_port(device, 921600);
+  port->poll(0.0);
+  xrce::Endpoint endpoint(xrce::Firmware::kPx4Space, 92160.0,
+                          [&](const u8* data, std::size_t size) { port->write(data, size); }, {});
+  xrce::MessageBuilder ask({0x81, 0, 0});
+  const auto request = xrce::frame(ask.begin(xrce::Submessage::kTimestamp).u32(5).u32(7).message(),
+                                   xrce::kClientAddress, xrce::kAgentAddress);
+  std::vector<double> ms;
+  double now = 1000.0;
+  u8 buffer[4096];
+  for (int k = 0; k < 20000; ++k) {
+    now += 0.01;
+    xrce::Deframer deframer(xrce::kAgentAddress, xrce::kClientAddress);
+    const double begin = seconds();
+    terminal.write(request.data(), request.size());
+    for (bool arrived = false; !arrived;) {
+      while (const std::size_t size = port->read(buffer, sizeof(buffer))) endpoint.receive(buffer, size, now);
+      const std::size_t size = terminal.read(buffer, sizeof(buffer));
+      for (std::size_t i = 0; i < size; ++i) arrived |= deframer.push(buffer[i]).has_value();
+    }
+    ms.push_back(1e3 * (seconds() - begin));
+  }
+  print_ms("px4/xrce_time_reply", ms);
 }
 
 }  // namespace
@@ -126,6 +161,7 @@ void budget() {
 int main() {
   codec_rate();
   setpoint_to_wire();
+  time_reply();
   budget();
   return 0;
 }

@@ -15,6 +15,7 @@
 #include "atmos_model/strict_yaml.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
+#include "atmos_px4_bridge/link_budget.h"
 #include "atmos_px4_bridge/pwm_grid.h"
 #include "px4_messages.h"
 #include "px4_services.h"
@@ -32,7 +33,7 @@ std::string own_base_frame() {
 class Px4BridgeNode {
  public:
   // A port is there for each link that `config` has.
-  Px4BridgeNode(const Vehicle& vehicle, const BridgeConfig& config, Ports ports)
+  Px4BridgeNode(const Vehicle& vehicle, const BridgeConfig& config, Ports ports, int mavlink_baud)
       : base_frame_(own_base_frame()),
         period_s_(vehicle.pwm.period_s),
         grid_(vehicle.pwm.period_s),
@@ -58,7 +59,7 @@ class Px4BridgeNode {
 
     diagnostics_.setHardwareID("pixhawk");
     diagnostics_.add("px4 bridge", this, &Px4BridgeNode::diagnose);
-    state_what_is_flown();
+    state_what_is_flown(config, mavlink_baud);
   }
 
   void run(bool arm_at_start) {
@@ -72,7 +73,7 @@ class Px4BridgeNode {
 
  private:
   // Nothing is ever silently not sent: what does not reach this firmware is said before it is missed.
-  void state_what_is_flown() {
+  void state_what_is_flown(const BridgeConfig& config, int mavlink_baud) {
     for (const Level level :
          {Level::kPosition, Level::kAttitude, Level::kRate, Level::kWrench, Level::kThrusters}) {
       const LevelSupport support = bridge_.link().support(level);
@@ -82,6 +83,12 @@ class Px4BridgeNode {
         ROS_WARN("level %s: %s", name_of(level), support.statement.c_str());
       }
     }
+    const auto state_load = [](const char* name, const std::vector<BudgetRow>& rows, double baud) {
+      ROS_INFO("%s line: %.0f %% of %.0f baud to the autopilot, %.0f %% from it", name,
+               100.0 * line_share(rows, true, baud), baud, 100.0 * line_share(rows, false, baud));
+    };
+    if (config.mavlink) state_load("MAVLink", mavlink_traffic(), mavlink_baud);
+    if (config.xrce) state_load("XRCE", xrce_traffic(config.xrce->firmware), config.xrce->baud);
   }
 
   static MavlinkLink::Write writer(const std::unique_ptr<Port>& port) {
@@ -237,16 +244,21 @@ int main(int argc, char** argv) {
     const auto link = link_named(atmos::required_parameter<std::string>(node, "link"), node.getNamespace());
     auto config = atmos::load_bridge(atmos::required_parameter<std::string>(node, "config"), link);
     atmos::Ports ports;
-    if (config.mavlink)
-      ports.mavlink = atmos::make_port(atmos::required_parameter<std::string>(node, "device"),
-                                       atmos::required_parameter<int>(node, "baud"));
+    int mavlink_baud = 0;
+    if (config.mavlink) {
+      mavlink_baud = atmos::required_parameter<int>(node, "baud");
+      ports.mavlink = atmos::make_port(atmos::required_parameter<std::string>(node, "device"), mavlink_baud);
+    }
     if (config.xrce) {
+      const auto device = atmos::required_parameter<std::string>(node, "xrce_device");
       const int baud = atmos::required_parameter<int>(node, "xrce_baud");
-      ports.xrce = atmos::make_port(atmos::required_parameter<std::string>(node, "xrce_device"), baud);
+      if (device.rfind("udp:", 0) == 0)
+        throw atmos::ConfigError({{node.getNamespace(), 0, "xrce_device", "must be a serial device"}});
+      ports.xrce = atmos::make_port(device, baud);
       config.xrce->baud = baud;
     }
     const bool arm = atmos::required_parameter<bool>(node, "arm_at_start");
-    atmos::Px4BridgeNode(vehicle, config, std::move(ports)).run(arm);
+    atmos::Px4BridgeNode(vehicle, config, std::move(ports), mavlink_baud).run(arm);
     return 0;
   });
 }

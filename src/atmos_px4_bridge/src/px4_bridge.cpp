@@ -11,7 +11,8 @@ namespace atmos {
 
 namespace {
 
-// Set-points, odometry and arming over one link; modes and what disarms go over both, so that either is enough.
+// Set-points, odometry and arming over one link; modes and what disarms go over both, so that either is
+// enough.
 class DividedLink : public AutopilotLink {
  public:
   DividedLink(AutopilotLink& flies, AutopilotLink& commands) : flies_(flies), commands_(commands) {}
@@ -99,7 +100,7 @@ Px4Bridge::Px4Bridge(const BridgeConfig& config, const Vehicle& vehicle, Lines l
     link_ = mavlink_.get();
   }
   if (config.xrce) {
-    if (config.mavlink) telemetry.imu = nullptr, telemetry.motion = nullptr;
+    if (config.mavlink) telemetry.imu = nullptr, telemetry.motion = nullptr, telemetry.battery = nullptr;
     xrce_ = std::make_unique<XrceLink>(*config.xrce, vehicle, std::move(lines.xrce),
                                        listener(Source::kXrce, telemetry));
     link_ = xrce_.get();

@@ -13,7 +13,7 @@ namespace atmos {
 
 class OffboardSession {
  public:
-  static constexpr double kStreamFirst_s = 1.0;  // PX4 wants set-points for this long before the switch
+  static constexpr double kStreamFirst_s = 1.1;  // PX4 wants set-points for one second before the switch
   static constexpr double kRetry_s = 0.5;        // between attempts at the same step
   static constexpr double kForeign_s = 3.0;      // after a fault of the link, changes are the autopilot's own
   static constexpr double kNotice_s = 0.5;       // a fault of the link may become known after its effect

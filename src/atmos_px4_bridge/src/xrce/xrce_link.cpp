@@ -41,6 +41,7 @@ XrceLink::XrceLink(const XrceConfig& config, const Vehicle& vehicle, Write write
       endpoint_(config.firmware, config.baud / 10.0, std::move(write),
                 {[this](double now_s) {
                    state_.reset();
+                   has_angular_velocity_ = false;
                    time_sync_.reset();
                    if (listener_.reboot) listener_.reboot(now_s);
                  },
