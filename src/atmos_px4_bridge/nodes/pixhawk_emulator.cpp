@@ -1,7 +1,7 @@
 // An emulated Pixhawk on two pseudo-terminals, in front of the simulator's valves: sim/truth (as its inertial
-// sensors), battery -> valves. Parameters: ~vehicle, ~config (paths; config: PX4 parameters), ~device and
-// ~xrce_device (where the pseudo-terminals of MAVLink and of uxrce_dds_client appear), ~firmware (stock or
-// patched). Services to break the lines: ~unplug (SetBool), ~reboot (Trigger).
+// sensors), battery -> valves. Parameters: ~vehicle, ~config (paths; config: PX4 parameters), ~device (where
+// the pseudo-terminal of MAVLink appears; that of uxrce_dds_client is beside it: <device>_xrce), ~firmware (stock
+// or patched). Services to break the lines: ~unplug (SetBool), ~reboot (Trigger).
 #include <atmos_msgs/ThrusterCommand.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/callback_queue.h>
@@ -24,9 +24,8 @@ constexpr double kPoll_s = 0.001;
 
 class PixhawkEmulatorNode {
  public:
-  PixhawkEmulatorNode(const Vehicle& vehicle, const PixhawkConfig& config, const std::string& device,
-                      const std::string& xrce_device)
-      : vehicle_(vehicle), config_(config), mavlink_(device), xrce_(xrce_device) {
+  PixhawkEmulatorNode(const Vehicle& vehicle, const PixhawkConfig& config, const std::string& device)
+      : vehicle_(vehicle), config_(config), mavlink_(device), xrce_(device + "_xrce") {
     valves_ = node_.advertise<atmos_msgs::ThrusterCommand>("valves", 100);
     const auto hints = ros::TransportHints().tcpNoDelay();
     truth_ = node_.subscribe("sim/truth", 100, &PixhawkEmulatorNode::on_truth, this, hints);
@@ -117,9 +116,8 @@ int main(int argc, char** argv) {
       throw atmos::ConfigError({{node.getNamespace(), 0, "firmware", "must be one of stock, patched"}});
     config.firmware = firmware == "patched" ? atmos::Firmware::kPatched : atmos::Firmware::kStock;
     const auto device = atmos::required_parameter<std::string>(node, "device");
-    const auto xrce_device = atmos::required_parameter<std::string>(node, "xrce_device");
     try {
-      atmos::PixhawkEmulatorNode(vehicle, config, device, xrce_device).run();
+      atmos::PixhawkEmulatorNode(vehicle, config, device).run();
     } catch (const std::runtime_error& error) {
       std::fprintf(stderr, "pixhawk_emulator: %s\n", error.what());
       return 1;

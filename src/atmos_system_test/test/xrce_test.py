@@ -11,7 +11,7 @@ import numpy as np
 import rosunit
 from atmos_msgs.msg import SupervisorStatus
 
-import flight_report
+import flight_bag
 import harness
 
 LONG = "ATMOS_LONG_TESTS" in os.environ
@@ -35,7 +35,7 @@ def steady_errors(bag):
     robot's true motion: over XRCE alone PX4 does not tell its outputs, which a flight report would need."""
     truth = harness.messages(bag, "sim/truth")
     time_s = np.array([harness.stamp(m) for m in truth])
-    pose = np.array([(m.pose.pose.position.x, m.pose.pose.position.y, flight_report.yaw_of(m.pose.pose.orientation))
+    pose = np.array([(m.pose.pose.position.x, m.pose.pose.position.y, flight_bag.yaw_of(m.pose.pose.orientation))
                      for m in truth])
     setpoints = {harness.stamp(m): m.pose for m in harness.messages(bag, "setpoint")}
     begins = sorted(setpoints)
@@ -46,7 +46,7 @@ def steady_errors(bag):
             continue  # published one ahead
         goal = setpoints[begin]
         off = (pose[last][:, :2] - (goal.position.x, goal.position.y)).mean(axis=0)
-        turn = flight_report.wrap(pose[last][:, 2] - flight_report.yaw_of(goal.orientation)).mean()
+        turn = flight_bag.wrap(pose[last][:, 2] - flight_bag.yaw_of(goal.orientation)).mean()
         errors.append((float(np.hypot(*off)), float(abs(turn))))
     return errors
 
