@@ -11,8 +11,8 @@ import numpy as np
 import rosunit
 from atmos_msgs.msg import SupervisorStatus
 
+import harness  # first: it knows where the scripts are
 import flight_bag
-import harness
 
 LONG = "ATMOS_LONG_TESTS" in os.environ
 # Controller, link, steady error allowed [m, deg].
