@@ -1,11 +1,10 @@
 """Figures of one robot's flight, laid out like the paper's. Each draw_* takes a View and returns a figure."""
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 import flight_metrics as metrics
-from figure_style import BLUE, GREEN, GREY, LIGHT, ORANGE, RED, STYLE, plt, subplots, thin
+from figure_style import BLUE, GREEN, GREY, LIGHT, ORANGE, plt, subplots, thin
 from flight_bag import Flight, wrap
 
 USEFUL_COUPLING = 0.03  # standard deviation of the loss per further open thruster, above which nothing is shown

@@ -19,8 +19,8 @@ import yaml
 import figure_style as style
 import flight_figures
 import stl_figure
-from flight_bag import ReportError, default_vehicle, load_flight, load_vehicle, read, yaw_of  # noqa: F401
-from flight_metrics import (flight_metrics, separation, setpoint_metrics, solve_metrics, stl_metrics,  # noqa: F401
+from flight_bag import ReportError, default_vehicle, load_flight, load_vehicle, read  # noqa: F401
+from flight_metrics import (flight_metrics, separation, setpoint_metrics, stl_metrics,  # noqa: F401
                             trajectory_metrics, vehicle_forces)
 from run_configuration import configuration_html, configuration_lines
 
