@@ -1,5 +1,5 @@
 // PX4 behind a MAVLink line: set-points, odometry and commands out, telemetry in. What PX4 accepts and what
-// is lost on stock firmware: docs/px4_bridge.md, "Levels". Times are ROS seconds.
+// is lost on stock firmware: docs/px4_bridge.md, "Levels over MAVLink". Times are ROS seconds.
 #pragma once
 
 #include <array>
