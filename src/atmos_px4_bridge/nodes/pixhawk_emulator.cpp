@@ -1,7 +1,7 @@
 // An emulated Pixhawk on two pseudo-terminals, in front of the simulator's valves: sim/truth (as its inertial
 // sensors), battery -> valves. Parameters: ~vehicle, ~config (paths; config: PX4 parameters), ~device (where
-// the pseudo-terminal of MAVLink appears; that of uxrce_dds_client is beside it: <device>_xrce), ~firmware (stock
-// or patched). Services to break the lines: ~unplug (SetBool), ~reboot (Trigger).
+// the pseudo-terminal of MAVLink appears; that of uxrce_dds_client is beside it: <device>_xrce), ~firmware
+// (stock or patched). Services to break the lines: ~unplug (SetBool), ~reboot (Trigger).
 #include <atmos_msgs/ThrusterCommand.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/callback_queue.h>
