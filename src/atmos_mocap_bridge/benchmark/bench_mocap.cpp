@@ -9,6 +9,7 @@
 
 #include "../test/qtm_link.h"
 #include "../test/sensor_simulator.h"
+#include "atmos_model/benchmark_row.h"
 
 namespace {
 
@@ -20,13 +21,6 @@ double now_s() {
 
 // Processor time of this process: what others do on the machine does not count.
 double cpu_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
-
-void print(const char* name, std::vector<double>& ms) {
-  std::sort(ms.begin(), ms.end());
-  std::printf(
-      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.6g, \"p99\": %.6g, \"max\": %.6g, \"n\": %zu}\n",
-      name, ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
-}
 
 // Time from a frame to its odometry inside the filter: prediction between valve edges, update, conversion.
 void bench_filter() {
@@ -45,7 +39,7 @@ void bench_filter() {
     ms.push_back(1e3 * (now_s() - begin));
   }
   std::fprintf(stderr, "bench_mocap: %zu frames, checksum %g\n", ms.size(), checksum);
-  print("mocap/filter_update", ms);
+  print_row("mocap/filter_update", "ms", ms);
 }
 
 // 50 bodies at 300 Hz: packets cut, decoded, every body through a filter of its own and converted to
@@ -81,7 +75,7 @@ void bench_bodies() {
   }
   const double share = (cpu_s() - cpu_begin) * kRate_hz / kFrames;
   std::fprintf(stderr, "bench_mocap: %zu bodies, checksum %g\n", kBodies, checksum);
-  print("mocap/qtm_50_bodies/frame", ms);
+  print_row("mocap/qtm_50_bodies/frame", "ms", ms);
   std::printf(
       "{\"name\": \"mocap/qtm_50_bodies_300hz/core_share\", \"unit\": \"1\", \"value\": %.4g, \"n\": %d}\n",
       share, kFrames);

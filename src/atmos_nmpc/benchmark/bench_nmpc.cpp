@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/benchmark_row.h"
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/direct_allocation.h"
 #include "atmos_nmpc/solver.h"
@@ -107,25 +108,20 @@ class Runner {
 
   const DirectAllocation& problem() const { return problem_; }
   int failures() const { return failures_; }
-  double median() const { return sorted()[ms_.size() / 2]; }
+  double median() const {
+    std::vector<double> ms = ms_;
+    std::sort(ms.begin(), ms.end());
+    return ms[ms.size() / 2];
+  }
 
   void report(const std::string& name) const {
-    const std::vector<double> ms = sorted();
-    std::printf(
-        "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.4f, \"p99\": %.4f, \"max\": %.4f, \"n\": %zu}\n",
-        name.c_str(), ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+    print_row(name, "ms", ms_);
     std::fprintf(stderr, "%s: %s, iterations mean %.2f, most %d; failures %d\n", name.c_str(),
-                 solver_.uses_riccati() ? "Riccati" : "MUMPS", iterations_ / static_cast<double>(ms.size()),
+                 solver_.uses_riccati() ? "Riccati" : "MUMPS", iterations_ / static_cast<double>(ms_.size()),
                  most_iterations_, failures_);
   }
 
  private:
-  std::vector<double> sorted() const {
-    std::vector<double> ms = ms_;
-    std::sort(ms.begin(), ms.end());
-    return ms;
-  }
-
   DirectAllocation problem_;
   OptimalControlSolver solver_;
   Iterate iterate_;
@@ -188,13 +184,6 @@ void bench(int stages) {
               noisy.failures(), kSteps);
 }
 
-void report_latency(const std::string& name, std::vector<double> ms) {
-  std::sort(ms.begin(), ms.end());
-  std::printf(
-      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.5f, \"p99\": %.5f, \"max\": %.5f, \"n\": %zu}\n",
-      name.c_str(), ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
-}
-
 // The controller's whole way from a measurement to its command, observer included, in a flight over four
 // set-points with measurement noise on a tilted floor; and, over the same flight, its cost against that of
 // the controller that solves to 1e-9 in every period.
@@ -230,7 +219,7 @@ void bench_feedback(const std::string& controller_file, const std::string& suffi
   };
   std::vector<double> ms;
   const double cost = fly(config, &ms);
-  report_latency("nmpc/feedback_latency" + suffix, ms);
+  print_row("nmpc/feedback_latency" + suffix, "ms", ms);
   ControllerConfig converged = config;
   converged.feedback = FeedbackKind::kFull;
   converged.solver.max_iterations = 300;

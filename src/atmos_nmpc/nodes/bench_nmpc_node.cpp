@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/benchmark_row.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_nmpc/config.h"
 #include "atmos_nmpc/controller.h"
@@ -70,12 +71,7 @@ void bench(const std::string& controller_file, const std::string& suffix) {
     if (decision->feedback) ms.push_back(1e3 * (end - begin));
     robot.carry_out(*decision);
   }
-  std::sort(ms.begin(), ms.end());
-  std::printf(
-      "{\"name\": \"nmpc/feedback_latency/node%s\", \"unit\": \"ms\", \"median\": %.5f, \"p99\": %.5f, "
-      "\"max\": "
-      "%.5f, \"n\": %zu}\n",
-      suffix.c_str(), ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+  print_row("nmpc/feedback_latency/node" + suffix, "ms", ms);
   std::fprintf(stderr, "%u bytes of commands\n", bytes);
 }
 

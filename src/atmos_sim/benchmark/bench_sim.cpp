@@ -6,18 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/benchmark_row.h"
 #include "atmos_sim/batch.h"
 #include "atmos_sim/simulation.h"
 
 namespace {
 
 constexpr double kStart = 1000.0;  // the failures of all_effects.yaml are dated from here
-
-void print_row(const std::string& name, const char* unit, std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  std::printf("{\"name\": \"%s\", \"unit\": \"%s\", \"median\": %.6g, \"n\": %zu}\n", name.c_str(), unit,
-              values[values.size() / 2], values.size());
-}
 
 // Time of this core, which nothing else on the machine lengthens much; everything here is one thread.
 double seconds_since(std::clock_t start) {
@@ -88,9 +83,9 @@ int main() {
     realtime_factor.push_back(scenario.duration_s / flight.core_s);
     nominal.push_back(scenario.duration_s / fly(bare, commands).core_s);
   }
-  print_row("sim/1_robot/steps_per_s", "1/s", steps_per_s);
-  print_row("sim/1_robot/realtime_factor", "1", realtime_factor);
-  print_row("sim/1_robot_no_effects/realtime_factor", "1", nominal);
+  atmos::print_row("sim/1_robot/steps_per_s", "1/s", steps_per_s);
+  atmos::print_row("sim/1_robot/realtime_factor", "1", realtime_factor);
+  atmos::print_row("sim/1_robot_no_effects/realtime_factor", "1", nominal);
   std::vector<double> fleet_factor, fleet_contacts, bare_fleet;
   for (int i = 0; i < kRepetitions; ++i) {
     const Crowded crowded = fly(crowd(scenario));
@@ -98,16 +93,16 @@ int main() {
     fleet_contacts.push_back(crowded.contacts_per_s);
     bare_fleet.push_back(scenario.duration_s / fly(crowd(bare)).core_s);
   }
-  print_row("sim/16_robots/realtime_factor", "1", fleet_factor);
-  print_row("sim/16_robots/contacts_per_s", "1/s", fleet_contacts);
-  print_row("sim/16_robots_no_effects/realtime_factor", "1", bare_fleet);
+  atmos::print_row("sim/16_robots/realtime_factor", "1", fleet_factor);
+  atmos::print_row("sim/16_robots/contacts_per_s", "1/s", fleet_contacts);
+  atmos::print_row("sim/16_robots_no_effects/realtime_factor", "1", bare_fleet);
   // The share of the time that is saved when one kind is left out; each flight beside one with everything.
   for (const atmos::EffectInfo& info : atmos::registered_effects()) {
     const atmos::Scenario less = without(scenario, info.kind);
     std::vector<double> share;
     for (int i = 0; i < kRepetitions; ++i)
       share.push_back(1.0 - fly(less, commands).core_s / fly(scenario, commands).core_s);
-    print_row("sim/effect/" + info.kind + "/share", "1", share);
+    atmos::print_row("sim/effect/" + info.kind + "/share", "1", share);
   }
   return 0;
 }

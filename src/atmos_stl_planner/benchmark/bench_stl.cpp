@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/benchmark_row.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "atmos_stl_planner/diagnosis.h"
 #include "atmos_stl_planner/monitor.h"
@@ -13,6 +14,7 @@
 
 namespace {
 
+using atmos::print_row;
 using namespace atmos::stl;
 
 const std::string kFolder = ATMOS_CONFIG_DIR "/stl/";
@@ -24,15 +26,6 @@ double seconds() {
 
 bool wanted(const std::string& name) {
   return name.compare(0, prefix.size(), prefix) == 0 || prefix.compare(0, name.size(), name) == 0;
-}
-
-void row(const std::string& name, std::vector<double> values_ms) {
-  std::sort(values_ms.begin(), values_ms.end());
-  const std::size_t n = values_ms.size();
-  std::printf(
-      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.5f, \"p99\": %.5f, \"max\": %.5f, \"n\": %zu}\n",
-      name.c_str(), values_ms[n / 2], values_ms[std::min(n - 1, n * 99 / 100)], values_ms.back(), n);
-  std::fflush(stdout);
 }
 
 Plan plan_of(const Specification& spec, const Past* past = nullptr) {
@@ -58,8 +51,8 @@ void planning(const std::string& name, const std::string& last, const Specificat
     first.push_back(1e3 * plan.first_plan_s);
     total.push_back(1e3 * plan.total_s);
   }
-  row(name + "/first_plan", first);
-  row(name + "/" + last, total);
+  print_row(name + "/first_plan", "ms", first);
+  print_row(name + "/" + last, "ms", total);
 }
 
 // Robots that change places in a room with four corners: each has its own visits, as in the two-agent
@@ -120,7 +113,7 @@ void infeasible() {
     if (plan.status != PlanStatus::kInfeasible || conflict.parts.empty()) std::exit(1);
     for (const std::string& part : conflict.parts) std::fprintf(stderr, "conflict: %s\n", part.c_str());
   }
-  row("stl/infeasible/conflict", values);
+  print_row("stl/infeasible/conflict", "ms", values);
 }
 
 void monitoring() {
@@ -136,7 +129,7 @@ void monitoring() {
     monitor.update(0.01 * k, p);
     values.push_back(1e3 * (seconds() - begin));
   }
-  row("stl/monitor/update", values);
+  print_row("stl/monitor/update", "ms", values);
 }
 
 }  // namespace
