@@ -7,13 +7,13 @@
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
-#include <trajectory_msgs/MultiDOFJointTrajectory.h>
 
 #include <algorithm>
 #include <sstream>
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
+#include "atmos_model_ros/planar_trajectory.h"
 #include "atmos_operator/distance_monitor.h"
 
 namespace atmos {
@@ -25,28 +25,12 @@ using trajectory_msgs::MultiDOFJointTrajectory;
 constexpr double kStatus_s = 0.1, kRepeat_s = 1.0;
 
 MultiDOFJointTrajectory to_message(const std::vector<BrakingPoint>& points) {
-  MultiDOFJointTrajectory message;
-  message.header.frame_id = kWorldFrame;
-  message.header.stamp.fromSec(points.front().time_s);
-  message.joint_names = {"base_link"};
-  for (const BrakingPoint& from : points) {
-    trajectory_msgs::MultiDOFJointTrajectoryPoint point;
-    point.time_from_start.fromSec(from.time_s - points.front().time_s);
-    geometry_msgs::Transform pose;
-    pose.translation.x = from.p_W.x();
-    pose.translation.y = from.p_W.y();
-    pose.rotation = yaw_quaternion(from.yaw);
-    geometry_msgs::Twist velocity, acceleration;
-    velocity.linear.x = from.v_W.x();
-    velocity.linear.y = from.v_W.y();
-    velocity.angular.z = from.yaw_rate;
-    acceleration.linear.x = from.a_W.x();
-    acceleration.linear.y = from.a_W.y();
-    acceleration.angular.z = from.yaw_acceleration;
-    point.transforms.push_back(pose);
-    point.velocities.push_back(velocity);
-    point.accelerations.push_back(acceleration);
-    message.points.push_back(point);
+  MultiDOFJointTrajectory message = planar_trajectory(points.front().time_s);
+  for (const BrakingPoint& at : points) {
+    message.points.push_back(trajectory_point({at.time_s - points.front().time_s,
+                                               {at.p_W.x(), at.p_W.y(), at.yaw},
+                                               {at.v_W.x(), at.v_W.y(), at.yaw_rate},
+                                               {at.a_W.x(), at.a_W.y(), at.yaw_acceleration}}));
   }
   return message;
 }

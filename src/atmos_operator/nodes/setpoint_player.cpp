@@ -11,12 +11,12 @@
 #include <ros/ros.h>
 #include <std_msgs/String.h>
 #include <std_srvs/Trigger.h>
-#include <trajectory_msgs/MultiDOFJointTrajectory.h>
 
 #include <optional>
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
+#include "atmos_model_ros/planar_trajectory.h"
 #include "atmos_operator/mission.h"
 #include "atmos_operator/trajectory_shape.h"
 
@@ -37,33 +37,17 @@ PoseStamped to_message(const atmos::StampedSetPoint& point) {
 }
 
 MultiDOFJointTrajectory to_message(const atmos::StampedTrajectory& trajectory) {
-  const atmos::TrajectorySettings& settings = trajectory.settings;
-  const double length_s = settings.duration_s - trajectory.from_s;
-  MultiDOFJointTrajectory message;
-  message.header.frame_id = atmos::kWorldFrame;
-  message.header.stamp.fromSec(trajectory.stamp());
-  message.joint_names = {"base_link"};
+  const double length_s = trajectory.settings.duration_s - trajectory.from_s;
+  MultiDOFJointTrajectory message = atmos::planar_trajectory(trajectory.stamp());
   const int steps = static_cast<int>(std::ceil(length_s / kSample_s));
   for (int k = 0; k <= steps; ++k) {
     const double t = length_s * k / steps;
-    const atmos::ShapePoint at = atmos::shape_at(settings, trajectory.from_s + t);
-    trajectory_msgs::MultiDOFJointTrajectoryPoint point;
-    point.time_from_start.fromSec(t);
-    geometry_msgs::Transform pose;
-    pose.translation.x = at.x.value;
-    pose.translation.y = at.y.value;
-    pose.rotation = atmos::yaw_quaternion(at.yaw.value);
-    geometry_msgs::Twist velocity, acceleration;
-    velocity.linear.x = at.x.rate;
-    velocity.linear.y = at.y.rate;
-    velocity.angular.z = at.yaw.rate;
-    acceleration.linear.x = at.x.acceleration;
-    acceleration.linear.y = at.y.acceleration;
-    acceleration.angular.z = at.yaw.acceleration;
-    point.transforms.push_back(pose);
-    point.velocities.push_back(velocity);
-    point.accelerations.push_back(acceleration);
-    message.points.push_back(point);
+    const atmos::ShapePoint at = atmos::shape_at(trajectory.settings, trajectory.from_s + t);
+    message.points.push_back(
+        atmos::trajectory_point({t,
+                                 {at.x.value, at.y.value, at.yaw.value},
+                                 {at.x.rate, at.y.rate, at.yaw.rate},
+                                 {at.x.acceleration, at.y.acceleration, at.yaw.acceleration}}));
   }
   return message;
 }

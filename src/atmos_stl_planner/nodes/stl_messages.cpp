@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "atmos_model_ros/messages.h"
+#include "atmos_model_ros/planar_trajectory.h"
 #include "atmos_stl_planner/trajectory_samples.h"
 
 namespace atmos::stl {
@@ -113,28 +114,13 @@ std::string windows_of(const Specification& spec, std::size_t region) {
 
 trajectory_msgs::MultiDOFJointTrajectory trajectory_message(const Specification& spec, const Motion& motion,
                                                             std::size_t robot, double t0_s, double from_s) {
-  trajectory_msgs::MultiDOFJointTrajectory message;
-  message.header.frame_id = kWorldFrame;
-  message.header.stamp.fromSec(t0_s + from_s);
-  message.joint_names = {"base_link"};
+  trajectory_msgs::MultiDOFJointTrajectory message = planar_trajectory(t0_s + from_s);
   for (const TrajectorySample& sample : samples(spec, motion, robot, kSample_s, from_s)) {
-    trajectory_msgs::MultiDOFJointTrajectoryPoint to;
-    to.time_from_start.fromSec(sample.time_s - from_s);
-    geometry_msgs::Transform pose;
-    pose.translation.x = sample.state.p_WB.x();
-    pose.translation.y = sample.state.p_WB.y();
-    pose.rotation = yaw_quaternion(sample.yaw_rad);
-    geometry_msgs::Twist velocity, acceleration;
-    velocity.linear.x = sample.state.v_WB.x();
-    velocity.linear.y = sample.state.v_WB.y();
-    velocity.angular.z = sample.yaw_rate_rad_s;
-    acceleration.linear.x = sample.state.a_WB.x();
-    acceleration.linear.y = sample.state.a_WB.y();
-    acceleration.angular.z = sample.yaw_acceleration_rad_s2;
-    to.transforms.push_back(pose);
-    to.velocities.push_back(velocity);
-    to.accelerations.push_back(acceleration);
-    message.points.push_back(to);
+    const auto& at = sample.state;
+    message.points.push_back(trajectory_point({sample.time_s - from_s,
+                                               {at.p_WB.x(), at.p_WB.y(), sample.yaw_rad},
+                                               {at.v_WB.x(), at.v_WB.y(), sample.yaw_rate_rad_s},
+                                               {at.a_WB.x(), at.a_WB.y(), sample.yaw_acceleration_rad_s2}}));
   }
   return message;
 }
