@@ -21,6 +21,14 @@ struct Noise {
   double rate_rad_s = 0.0;
 };
 
+constexpr double kStart = 1234.5;  // s: stateful code must not rely on a clock that starts at 0
+constexpr double kDegree = M_PI / 180.0;
+// What a lab's motion capture and the filter behind it leave.
+constexpr Noise kLabNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
+
+// For controllers whose solve times do not matter.
+inline double stopped_clock() { return 0.0; }
+
 // Planar pose as a goal and as a state.
 inline Goal planar_goal(double stamp_s, double x, double y, double yaw) {
   return {stamp_s, {x, y, 0.0}, {std::cos(0.5 * yaw), 0.0, 0.0, std::sin(0.5 * yaw)}};

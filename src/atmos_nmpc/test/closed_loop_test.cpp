@@ -12,14 +12,16 @@
 namespace atmos {
 namespace {
 
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
+
 using testing::FlightRow;
 using testing::planar_goal;
 
-constexpr double kStart = 1234.5, kHold = 20.0, kDegree = M_PI / 180.0;
+constexpr double kHold = 20.0;
 constexpr int kPeriods = 200;  // per set-point
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
-
-double stopped_clock() { return 0.0; }
 
 class ClosedLoop : public ::testing::Test {
  protected:
@@ -52,7 +54,7 @@ Eigen::Vector3d error_of(const FlightRow& row, const Eigen::Vector3d& pose) {
 TEST_F(ClosedLoop, PaperSequence) {
   const std::vector<Eigen::Vector3d> poses = {
       {0, 0, 0}, {1, 0, 0}, {1, 0, 45 * kDegree}, {1, 1, 90 * kDegree}, {0, 0, 0}};
-  const std::vector<FlightRow> rows = fly(poses, kNoise, 7);
+  const std::vector<FlightRow> rows = fly(poses, kLabNoise, 7);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     SCOPED_TRACE("set-point " + std::to_string(i));
     const Eigen::Vector3d step = i == 0 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(poses[i] - poses[i - 1]);
@@ -83,7 +85,7 @@ TEST_F(ClosedLoop, ReachesEveryHeadingTheShortWay) {
     PlanarState<double> start;
     start.yaw = 45 * kDegree;
     const double target = start.yaw + yaw * kDegree;
-    const std::vector<FlightRow> rows = fly({{0, 0, wrap_angle(target)}}, kNoise, 3, start);
+    const std::vector<FlightRow> rows = fly({{0, 0, wrap_angle(target)}}, kLabNoise, 3, start);
     EXPECT_NEAR(rows.back().truth.yaw, target, 0.5 * kDegree) << yaw;  // not wrapped: the way counts
   }
 }
@@ -112,7 +114,7 @@ TEST_F(ClosedLoop, SoftBoundsHoldFromInsideAndBringBackFromOutside) {
 }
 
 TEST_F(ClosedLoop, RepeatsBitByBit) {
-  const auto first = fly({{1, 0.5, 1.0}}, kNoise, 9), second = fly({{1, 0.5, 1.0}}, kNoise, 9);
+  const auto first = fly({{1, 0.5, 1.0}}, kLabNoise, 9), second = fly({{1, 0.5, 1.0}}, kLabNoise, 9);
   for (std::size_t k = 0; k < first.size(); ++k)
     ASSERT_EQ(first[k].decision.command.duty, second[k].decision.command.duty) << k;
 }

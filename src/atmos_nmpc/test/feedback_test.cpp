@@ -15,12 +15,15 @@
 namespace atmos {
 namespace {
 
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+
 using testing::Flight;
 using testing::FlightRow;
 using testing::planar_goal;
 
-constexpr double kStart = 1234.5, kPeriod = 0.1, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
+constexpr double kPeriod = 0.1;
 
 class FeedbackTest : public ::testing::Test {
  protected:
@@ -43,7 +46,7 @@ TEST_F(FeedbackTest, AnswersEveryPeriodButTheFirst) {
   for (const char* name :
        {"direct_allocation", "wrench", "offset_free_direct_allocation", "offset_free_wrench"}) {
     const auto tested = controller(config(name));
-    Flight robot(vehicle_, *tested, kStart, {}, kNoise, 3);
+    Flight robot(vehicle_, *tested, kStart, {}, kLabNoise, 3);
     EXPECT_FALSE(robot.period().decision.feedback) << name;
     int answered = 0;
     for (int k = 1; k < 200; ++k) {
@@ -63,14 +66,14 @@ TEST_F(FeedbackTest, NeverWithFullSolvesConfigured) {
   ControllerConfig full = config("direct_allocation");
   full.feedback = FeedbackKind::kFull;
   const auto tested = controller(full);
-  Flight robot(vehicle_, *tested, kStart, {}, kNoise, 3);
+  Flight robot(vehicle_, *tested, kStart, {}, kLabNoise, 3);
   for (int k = 0; k < 20; ++k) EXPECT_FALSE(robot.period().decision.feedback);
   EXPECT_EQ(tested->counters().solves, 20u);
 }
 
 TEST_F(FeedbackTest, AChangedReferenceIsSolvedForInItsPeriod) {
   const auto tested = controller(config("direct_allocation"));
-  Flight robot(vehicle_, *tested, kStart, {}, kNoise, 3);
+  Flight robot(vehicle_, *tested, kStart, {}, kLabNoise, 3);
   for (int k = 0; k < 100; ++k) robot.period();
   tested->add_goal(planar_goal(robot.now(), 0.0, 0.0, 0.0));
   FlightRow row = robot.period();
@@ -115,7 +118,7 @@ TEST_F(FeedbackTest, AMissingFrameIsAnsweredAndAMissedPeriodSolvedFor) {
 
 TEST_F(FeedbackTest, AfterALossNothingPreparedIsLeft) {
   const auto tested = controller(config("offset_free_wrench"));
-  Flight robot(vehicle_, *tested, kStart, {}, kNoise, 3);
+  Flight robot(vehicle_, *tested, kStart, {}, kLabNoise, 3);
   for (int k = 0; k < 20; ++k) robot.period();
   for (int k = 0; k < 8; ++k) robot.period(false);
   const ControlDecision back = robot.period().decision;
@@ -152,7 +155,7 @@ TEST_F(FeedbackTest, AFailedPreparationLeavesThePeriodItsOwnSolve) {
 TEST_F(FeedbackTest, StaysWithinTheInputsBounds) {
   const auto tested = controller(config("direct_allocation"));
   tested->add_goal(planar_goal(kStart, 3.0, -2.0, 1.0));
-  testing::Noise rough = kNoise;
+  testing::Noise rough = kLabNoise;
   rough.velocity_m_s = 0.01;
   Flight robot(vehicle_, *tested, kStart, {}, rough, 3);
   double most = 0.0;
@@ -199,7 +202,8 @@ class FeedbackCost : public FeedbackTest {
         at.v_WC += 0.02 * Eigen::Vector2d(normal(random), normal(random));
         at.yaw_rate += 0.05 * normal(random);
       }
-      Flight robot(vehicle_, *tested, now, at, kNoise, seed + static_cast<std::uint32_t>(segment), effects);
+      Flight robot(vehicle_, *tested, now, at, kLabNoise, seed + static_cast<std::uint32_t>(segment),
+                   effects);
       for (int k = 0; k < 20; ++k) {
         const FlightRow row = robot.period();
         EXPECT_EQ(row.decision.mode, ControlMode::kSolved);

@@ -16,10 +16,10 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
-
-double stopped_clock() { return 0.0; }
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
 
 class KnownEffects : public ::testing::Test {
  protected:
@@ -163,7 +163,7 @@ TEST_F(KnownEffects, EverySetPointIsReachedWithDeadThrusters) {
       controllable += a == b ? 0 : 1;
       SCOPED_TRACE("dead: " + std::to_string(a) + ", " + std::to_string(b));
       Controller controller(vehicle_, config("direct_allocation", dead(failed)), true, stopped_clock);
-      testing::Flight flight(vehicle_, controller, kStart, {}, kNoise, 5, dead(failed));
+      testing::Flight flight(vehicle_, controller, kStart, {}, kLabNoise, 5, dead(failed));
       const Eigen::Vector3d goals[] = {{1, 0, 0}, {1, 0, 45 * kDegree}, {1, 1, 90 * kDegree}, {0, 0, 0}};
       for (const Eigen::Vector3d& goal : goals) {
         controller.add_goal(testing::planar_goal(flight.now(), goal[0], goal[1], goal[2]));

@@ -14,11 +14,12 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-constexpr int kPeriods = 300;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
 
-double stopped_clock() { return 0.0; }
+constexpr int kPeriods = 300;
 
 int runs() { return std::getenv("ATMOS_LONG_TESTS") != nullptr ? 1000 : 20; }
 
@@ -71,8 +72,8 @@ TEST_P(MonteCarlo, EveryRunRecoversOrSaysWhyItCouldNot) {
     const Draw drawn = draw(random, authority_n_);
     Controller controller(vehicle_, config_, true, stopped_clock);
     controller.add_goal(testing::planar_goal(kStart, 0.0, 0.0, 0.0));
-    testing::Flight flight(vehicle_, controller, kStart, drawn.start, kNoise, static_cast<std::uint32_t>(run),
-                           drawn.effects);
+    testing::Flight flight(vehicle_, controller, kStart, drawn.start, kLabNoise,
+                           static_cast<std::uint32_t>(run), drawn.effects);
     std::bernoulli_distribution lost(drawn.dropout);
     int saturated = 0, closed = 0;
     Eigen::Vector3d most = Eigen::Vector3d::Zero();  // |p|, |v|, |w|, per component

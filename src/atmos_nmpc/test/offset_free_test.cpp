@@ -12,8 +12,9 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
 
 struct Steady {
   Eigen::Vector2d position;  // mean error over the last 5 s, m
@@ -24,7 +25,7 @@ struct Steady {
 class OffsetFree : public ::testing::Test {
  protected:
   Steady hold(const std::string& file, const std::vector<Effect>& effects, double yaw,
-              testing::Noise noise = kNoise, double seconds = 20.0) const {
+              testing::Noise noise = kLabNoise, double seconds = 20.0) const {
     const ControllerConfig config =
         load_controller(ATMOS_CONFIG_DIR "/controller/" + file + ".yaml", vehicle_);
     Controller controller(vehicle_, config, true, [] { return 0.0; });
@@ -89,10 +90,10 @@ TEST_F(OffsetFree, DisturbanceBeyondTheThrustersDoesNotWindUp) {
   controller.add_goal(testing::planar_goal(kStart, 0.0, 0.0, 0.0));
   FloorTilt steep;
   steep.slope_x = 0.012;  // 2 N
-  testing::Flight pushed(vehicle_, controller, kStart, {}, kNoise, 5, {steep});
+  testing::Flight pushed(vehicle_, controller, kStart, {}, kLabNoise, 5, {steep});
   for (int k = 0; k < 50; ++k) pushed.period();
   EXPECT_LT(pushed.truth().p_WC.x(), -0.2);
-  testing::Flight level(vehicle_, controller, pushed.now(), pushed.truth(), kNoise, 6);
+  testing::Flight level(vehicle_, controller, pushed.now(), pushed.truth(), kLabNoise, 6);
   double overshoot = 0.0;
   for (int k = 0; k < 250; ++k) overshoot = std::max(overshoot, level.period().truth.p_WC.x());
   EXPECT_LT(overshoot, 0.05);

@@ -13,10 +13,10 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
-
-double stopped_clock() { return 0.0; }
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
 
 class PlacesTest : public ::testing::TestWithParam<std::string> {
  protected:
@@ -33,7 +33,7 @@ class PlacesTest : public ::testing::TestWithParam<std::string> {
     controller.add_goal(testing::planar_goal(kStart, goal.x(), goal.y(), 0.0));
     PlanarState<double> at;
     at.p_WC = start;
-    testing::Flight flight(vehicle(), controller, kStart, at, kNoise, 8);
+    testing::Flight flight(vehicle(), controller, kStart, at, kLabNoise, 8);
     for (int k = 0; k < 300; ++k) {
       before(controller, flight.now());
       const testing::FlightRow row = flight.period();

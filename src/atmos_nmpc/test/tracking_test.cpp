@@ -12,10 +12,10 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
-
-double stopped_clock() { return 0.0; }
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
 
 class Tracking : public ::testing::TestWithParam<std::string> {
  protected:
@@ -31,7 +31,7 @@ TEST_P(Tracking, FollowsACircleThenRestsAtItsEnd) {
   controller.add_trajectory(testing::circle(kStart + 2.0, 40.0, 0.5));
   PlanarState<double> start;
   start.p_WC.x() = 0.5;
-  testing::Flight flight(vehicle_, controller, kStart, start, kNoise, 3);
+  testing::Flight flight(vehicle_, controller, kStart, start, kLabNoise, 3);
   const testing::TrackingError error = testing::track(flight, testing::circle(kStart + 2.0, 40.0, 0.5), 420);
   // The baselines know where the reference is and how it accelerates, but not where it goes.
   const bool preview = GetParam() != "lqr" && GetParam() != "pd";
@@ -45,7 +45,7 @@ TEST_P(Tracking, FollowsACircleThenRestsAtItsEnd) {
 TEST_P(Tracking, ReachesASetPoint) {
   Controller controller(vehicle_, config(), true, stopped_clock);
   controller.add_goal(testing::planar_goal(kStart, 1.0, -0.5, 90.0 * kDegree));
-  testing::Flight flight(vehicle_, controller, kStart, {}, kNoise, 4);
+  testing::Flight flight(vehicle_, controller, kStart, {}, kLabNoise, 4);
   for (int k = 0; k < 250; ++k) {
     const testing::FlightRow row = flight.period();
     ASSERT_EQ(row.decision.mode, ControlMode::kSolved) << k;
@@ -57,7 +57,7 @@ TEST_P(Tracking, ReachesASetPoint) {
 TEST_P(Tracking, BadTrajectoriesAreRefusedAndWhatHoldsGoesOn) {
   Controller controller(vehicle_, config(), true, stopped_clock);
   controller.add_goal(testing::planar_goal(kStart, 0.2, 0.0, 0.0));
-  testing::Flight flight(vehicle_, controller, kStart, {}, kNoise, 5);
+  testing::Flight flight(vehicle_, controller, kStart, {}, kLabNoise, 5);
   for (int k = 0; k < 10; ++k) flight.period();
   std::vector<TrajectoryPoint> broken = testing::circle(kStart + 2.0, 40.0, 0.5);
   broken[5].p_WB[0] = std::nan("");

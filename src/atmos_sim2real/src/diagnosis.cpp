@@ -157,24 +157,6 @@ std::vector<Place> locate(const Problem& problem, const FrameGains& gains) {
   return places;
 }
 
-// Probability that a standard chi-square of `dof` exceeds twice `nats`; even and odd degrees by recursion.
-double exceedance(double nats, int dof) {
-  if (nats <= 0.0) return 1.0;
-  const double x = nats;  // half the chi-square
-  double q = dof % 2 == 0 ? std::exp(-x) : std::erfc(std::sqrt(x));
-  double term = dof % 2 == 0 ? std::exp(-x) : std::sqrt(x) * std::exp(-x) / std::tgamma(1.5);
-  for (int k = dof % 2 == 0 ? 2 : 1; k < dof; k += 2) {
-    if (dof % 2 == 0) {
-      term *= x / (0.5 * k);
-      q += term;
-    } else {
-      q += term;
-      term *= x / (0.5 * k + 1.0);
-    }
-  }
-  return std::min(1.0, q);
-}
-
 }  // namespace
 
 std::string text_of(Verdict verdict) {
@@ -199,11 +181,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   out.search = search(problem, library, options);
   const SearchResult& found = out.search;
 
-  // A union bound over everything that was screened, at the nominal model's own noise.
-  out.p_value = 0.0;
-  for (const NominalScore& score : found.nominal_scores)
-    out.p_value += exceedance(score.gain, score.parameters);
-  out.p_value = std::min(1.0, out.p_value);
+  out.p_value = found.p_value_of_screen.value_or(1.0);
   if (!found.claims.empty()) out.p_value = std::min(out.p_value, std::exp(-found.claims.front().gain));
 
   const FrameGains gains = frame_gains(problem, found.nominal, found.final);

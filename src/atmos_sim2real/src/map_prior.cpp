@@ -72,7 +72,7 @@ Weighed best_prior(const NodeLikelihood& likelihood, const Effect& map) {
     const double nats = evidence(likelihood, prior, components);
     if (!best || nats > best->evidence) best = Weighed{std::move(prior), nats};
   };
-  for (const double length : {0.45, 0.7, 1.0, 1.5, 2.5}) {  // m
+  for (const double length : {0.5, 0.7, 1.0, 1.5, 2.5}) {  // m
     const MatrixXd unit = precision({1.0, length}, lattice);
     for (const double deviation : deviations_of(map))
       offer({VectorXd::Zero(n), VectorXd::Constant(n, deviation), unit / (deviation * deviation)});

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 namespace atmos {
 
@@ -65,16 +66,22 @@ Base prepare(const Problem& problem, const Fit& fit) {
 // Scores columns of a hypothesis over all flights beside the base, whose own columns take what they can.
 struct Normal {
   Eigen::MatrixXd H, cross;
-  Eigen::VectorXd g;
+  Eigen::MatrixXd g;  // a column for the flights, then one for every imagined set of innovations
 
   Normal(const Base& base, Eigen::Index n)
       : H(Eigen::MatrixXd::Zero(n, n)),
         cross(Eigen::MatrixXd::Zero(base.linearisation == nullptr ? 0 : base.posterior.rows(), n)),
-        g(Eigen::VectorXd::Zero(n)) {}
+        g(Eigen::MatrixXd::Zero(n, 1)) {}
 
-  void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight) {
+  void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight,
+           const NoiseAlone* imagined = nullptr) {
     H.noalias() += Z.transpose() * Z;
-    g.noalias() -= Z.transpose() * fit.innovations[flight];
+    g.col(0).noalias() -= Z.transpose() * fit.innovations[flight];
+    if (imagined != nullptr) {
+      const Eigen::MatrixXd& drawn = imagined->innovations[flight];
+      if (g.cols() == 1) g.conservativeResizeLike(Eigen::MatrixXd::Zero(g.rows(), 1 + drawn.cols()));
+      g.rightCols(drawn.cols()).noalias() -= Z.transpose() * drawn;
+    }
     if (cross.rows() == 0) return;
     cross(base.sharp, Eigen::all) += base.sharp_columns[flight].transpose() * Z;
     if (base.smooth.empty()) return;
@@ -90,17 +97,17 @@ struct Normal {
 // An effect that is there or not: no prior width says how likely it is to be half there.
 constexpr double kPresencePrice = 3.0;  // nats
 
-double presence_gain(const Normal& normal) {
-  const double g = normal.g[0], H = normal.H(0, 0);
+double presence_gain(const Normal& normal, Eigen::Index column = 0) {
+  const double g = normal.g(0, column), H = normal.H(0, 0);
   const double amplitude = std::clamp(g / std::max(H, 1e-12), 0.0, 1.0);
   return amplitude * g - 0.5 * amplitude * amplitude * H;
 }
 
 Screened score_presence(const Problem& problem, const Fit& fit, const Base& base,
-                        const Hypothesis& hypothesis, const Start& start) {
+                        const Hypothesis& hypothesis, const Start& start, const NoiseAlone* imagined) {
   Normal normal(base, 1);
   for (std::size_t f = 0; f < problem.flights->size(); ++f)
-    normal.add(base, fit, presence_column(problem, fit, start.effect, f), f);
+    normal.add(base, fit, presence_column(problem, fit, start.effect, f), f, imagined);
   normal.project(base);
   const double gain = presence_gain(normal);
   const double choices = choices_of(hypothesis) + std::log(static_cast<double>(hypothesis.starts.size()));
@@ -108,6 +115,8 @@ Screened score_presence(const Problem& problem, const Fit& fit, const Base& base
   out.hypothesis = &hypothesis;
   out.start = start;
   out.score = gain - kPresencePrice - choices;
+  for (Eigen::Index draw = 1; draw < normal.g.cols(); ++draw)
+    out.score_of_noise.push_back(presence_gain(normal, draw) - kPresencePrice - choices);
   out.gain = gain;
   out.presence = 0.5 * normal.H(0, 0);
   return out;
@@ -184,7 +193,7 @@ Screened scan_onsets(const Problem& problem, const Fit& fit, const Base& base, c
 }
 
 Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& base,
-                          const Hypothesis& hypothesis, const Start& start) {
+                          const Hypothesis& hypothesis, const Start& start, const NoiseAlone* imagined) {
   Fit at;
   at.effects = fit.effects;
   at.effects.push_back(start.effect);
@@ -194,7 +203,7 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
   const auto n = static_cast<Eigen::Index>(linear.size());
   Normal normal(base, n);
   for (std::size_t f = 0; f < problem.flights->size(); ++f)
-    normal.add(base, fit, column_block(problem, at, fit.innovations[f], linear, f), f);
+    normal.add(base, fit, column_block(problem, at, fit.innovations[f], linear, f), f, imagined);
   normal.project(base);
 
   Screened out;
@@ -206,7 +215,6 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
   const Eigen::MatrixXd S = normal.H + prior;
   const Eigen::LLT<Eigen::MatrixXd> factor(S);
   out.deviation = factor.solve(Eigen::MatrixXd::Identity(n, n)).diagonal().cwiseSqrt();
-  out.amplitude = factor.solve(normal.g);
   out.chance = 0.5 * factor.solve(normal.H).trace();
   if (hypothesis.map)
     out.information =
@@ -214,24 +222,58 @@ Screened score_amplitudes(const Problem& problem, const Fit& fit, const Base& ba
             .eigenvalues()
             .cwiseMax(0.0);
   // What the bounds forbid earns nothing.
-  for (Eigen::Index p = 0; p < n; ++p) {
-    double& value = parameter(at.effects, linear[static_cast<std::size_t>(p)]);
-    const double neutral = value;
-    value += out.amplitude[p];
-    clamp_to_bounds(at.effects, {linear[static_cast<std::size_t>(p)]});
-    out.amplitude[p] = value - neutral;
-  }
-  const double linear_gain = out.amplitude.dot(normal.g);
-  out.gain = linear_gain - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
-  out.score = linear_gain - 0.5 * out.amplitude.dot(S * out.amplitude) - occam_factor(prior, S, linear) -
-              hypothesis.penalty - std::log(static_cast<double>(hypothesis.starts.size()));
+  const auto allowed = [&](Eigen::VectorXd amplitude) {
+    for (Eigen::Index p = 0; p < n; ++p) {
+      const FreeParameter& free = linear[static_cast<std::size_t>(p)];
+      double& value = parameter(at.effects, free);
+      const double neutral = value;
+      value += amplitude[p];
+      clamp_to_bounds(at.effects, {free});
+      amplitude[p] = value - neutral;
+      value = neutral;
+    }
+    return amplitude;
+  };
+  const double price = occam_factor(prior, S, linear) + hypothesis.penalty +
+                       std::log(static_cast<double>(hypothesis.starts.size()));
+  const auto score = [&](const Eigen::VectorXd& amplitude, Eigen::Index column) {
+    return amplitude.dot(normal.g.col(column)) - 0.5 * amplitude.dot(S * amplitude) - price;
+  };
+  out.amplitude = allowed(factor.solve(normal.g.col(0)));
+  out.gain = out.amplitude.dot(normal.g.col(0)) - 0.5 * out.amplitude.dot(normal.H * out.amplitude);
+  out.score = score(out.amplitude, 0);
+  for (Eigen::Index draw = 1; draw < normal.g.cols(); ++draw)
+    out.score_of_noise.push_back(score(allowed(factor.solve(normal.g.col(draw))), draw));
   return out;
 }
 
 }  // namespace
 
+NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::uint32_t seed) {
+  constexpr double kBlock = 6.0;  // s
+  NoiseAlone alone;
+  std::mt19937_64 random(seed);
+  for (std::size_t f = 0; f < fit.innovations.size(); ++f) {
+    const std::vector<double>& times = (*problem.flights)[f].times();
+    Eigen::MatrixXd flipped = fit.innovations[f].replicate(1, draws);
+    for (Eigen::Index draw = 0; draw < flipped.cols(); ++draw) {
+      double sign = 1.0, end = 0.0;
+      for (Eigen::Index row = 0; row < flipped.rows(); ++row) {
+        const auto frame = static_cast<std::size_t>(row) % times.size();
+        if (frame == 0 || times[frame] >= end) {
+          sign = random() % 2 == 0 ? 1.0 : -1.0;
+          end = times[frame] + kBlock;
+        }
+        flipped(row, draw) *= sign;
+      }
+    }
+    alone.innovations.push_back(std::move(flipped));
+  }
+  return alone;
+}
+
 std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
-                             const std::vector<Hypothesis>& library) {
+                             const std::vector<Hypothesis>& library, const NoiseAlone* imagined) {
   const Base base = prepare(problem, base_fit);
   struct Job {
     const Hypothesis* hypothesis;
@@ -246,8 +288,9 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
     const Hypothesis& hypothesis = *jobs[j].hypothesis;
     const Start& start = *jobs[j].start;
     scored[j] = hypothesis.onsets > 0.0 ? scan_onsets(problem, base_fit, base, hypothesis)
-                : start.linear.empty()  ? score_presence(problem, base_fit, base, hypothesis, start)
-                                        : score_amplitudes(problem, base_fit, base, hypothesis, start);
+                : start.linear.empty()
+                    ? score_presence(problem, base_fit, base, hypothesis, start, imagined)
+                    : score_amplitudes(problem, base_fit, base, hypothesis, start, imagined);
   });
   std::sort(scored.begin(), scored.end(),
             [](const Screened& a, const Screened& b) { return a.score > b.score; });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "atmos_sim2real/crossvalidation.h"
@@ -100,12 +101,11 @@ OpenLoopError open_loop_error(const Problem& problem, const std::vector<Effect>&
   return {std::sqrt((squares[kX] + squares[kY]) / windows), std::sqrt(squares[kYaw] / windows)};
 }
 
-// Whether going from `before` to `after` wins back enough of what the nominal model gets wrong to be worth a
-// name.
-bool worth_a_name(const OpenLoopError& nominal, const OpenLoopError& before, const OpenLoopError& after) {
-  constexpr double kShare = 0.03;
-  return before.position_m - after.position_m > kShare * nominal.position_m ||
-         before.yaw_rad - after.yaw_rad > kShare * nominal.yaw_rad;
+// Whether going from `before` to `after` wins back a share of what the nominal model gets wrong.
+bool wins_back(double share, const OpenLoopError& nominal, const OpenLoopError& before,
+               const OpenLoopError& after) {
+  return before.position_m - after.position_m > share * nominal.position_m ||
+         before.yaw_rad - after.yaw_rad > share * nominal.yaw_rad;
 }
 
 std::string label(const Hypothesis& hypothesis) {
@@ -179,7 +179,14 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
   if (!candidate.hypothesis.local &&
       (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion))
     return "does not hold on unseen data";
-  if (claims.empty()) return "";
+  const OpenLoopError error = open_loop_error(problem, candidate.fit.effects);
+  // A motion capture that is distorted over the floor looks like a map of small forces too.
+  constexpr double kShareOfFirstMap = 0.2, kShare = 0.03;
+  if (claims.empty()) {
+    const bool too_little =
+        candidate.hypothesis.map && !wins_back(kShareOfFirstMap, nominal_error, present_error, error);
+    return too_little ? "changes the motion too little to be named" : "";
+  }
   // A little of what is left can be had by anything flexible, or by anything at all that is nearly collinear.
   const bool flexible = candidate.hypothesis.map || !candidate.hypothesis.law.empty();
   const bool second_map =
@@ -187,7 +194,7 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
       std::any_of(claims.begin(), claims.end(), [](const Claim& claim) { return claim.hypothesis.map; });
   if (second_map && candidate.gain < options.plain_gain) return "is what another map leaves";
   if ((flexible || candidate.gain < options.plain_gain) &&
-      !worth_a_name(nominal_error, present_error, open_loop_error(problem, candidate.fit.effects)))
+      !wins_back(kShare, nominal_error, present_error, error))
     return "changes the motion too little to be named";
   return "";
 }
@@ -380,6 +387,27 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   return false;
 }
 
+// Probability that noise alone scores as high as the best hypothesis does, all hypotheses together: the
+// largest scores of the draws have a Gumbel distribution.
+double p_value(const std::vector<Screened>& scored) {
+  double best = -std::numeric_limits<double>::infinity();
+  Eigen::ArrayXd largest;
+  for (const Screened& screened : scored) {
+    if (screened.score_of_noise.empty()) continue;
+    const Eigen::Map<const Eigen::ArrayXd> draws(screened.score_of_noise.data(),
+                                                 static_cast<Eigen::Index>(screened.score_of_noise.size()));
+    largest = largest.size() == 0 ? Eigen::ArrayXd(draws) : Eigen::ArrayXd(largest.max(draws));
+    best = std::max(best, screened.score);
+  }
+  if (largest.size() < 2) return 1.0;
+  constexpr double kEuler = 0.5772156649;
+  const double mean = largest.mean();
+  const double deviation =
+      std::sqrt((largest - mean).square().sum() / static_cast<double>(largest.size() - 1));
+  const double scale = deviation * std::sqrt(6.0) / M_PI;
+  return -std::expm1(-std::exp(-(best - mean) / scale - kEuler));
+}
+
 }  // namespace
 
 SearchResult search(const Problem& problem, const std::vector<Hypothesis>& library,
@@ -396,6 +424,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   Fit current = result.nominal;
   std::vector<Claim>& claims = result.claims;
 
+  constexpr int kDraws = 60;
   for (;;) {
     std::vector<Hypothesis> open = unclaimed(library, claims);
     for (const auto& found : {find_events(problem, current, options.accept_gain_of_flexible),
@@ -404,13 +433,10 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     }
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
                      std::to_string(claims.size()) + " effects");
-    const std::vector<Screened> scored = screen(problem, current, open);
-    if (claims.empty()) {
-      for (const Screened& s : scored) {
-        if (!s.hypothesis->map)
-          result.nominal_scores.push_back({s.gain, std::max<int>(1, static_cast<int>(s.amplitude.size()))});
-      }
-    }
+    const bool first = !result.p_value_of_screen;
+    const NoiseAlone alone = noise_alone(problem, current, first ? kDraws : 0, options.seed);
+    const std::vector<Screened> scored = screen(problem, current, open, first ? &alone : nullptr);
+    if (first) result.p_value_of_screen = p_value(scored);
     if (claims.size() >= options.most_effects) break;
 
     std::vector<Tried> tried;

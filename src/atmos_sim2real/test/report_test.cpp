@@ -71,6 +71,8 @@ TEST(Report, ANullFlightIsConsistent) {
   const Reported null({}, true);
   expect_schema(null.report);
   EXPECT_EQ(null.report["verdict"], "consistent");
+  EXPECT_GT(null.report["mismatch"]["p_value"], 0.01);
+  EXPECT_LT(null.report["mismatch"]["p_value"], 1.0);
   EXPECT_TRUE(null.report["effects"].empty());
   EXPECT_TRUE(ConfigFile::from_text(null.model, "model.yaml").root().maps("effects", false).empty());
   const json& fit = null.report["fit"];
@@ -87,6 +89,7 @@ TEST(Report, ASupplyCouplingIsNamedFittedAndProved) {
   expect_schema(found.report);
   EXPECT_EQ(found.report["fit"]["on"], "blocks");
   EXPECT_EQ(found.report["verdict"], "explained");
+  EXPECT_LT(found.report["mismatch"]["p_value"], 1e-6);
   ASSERT_EQ(found.report["effects"].size(), 1u);
   const double nominal = found.report["fit"]["nominal"]["position_rms_m"];
   EXPECT_LT(found.report["fit"]["fitted"]["position_rms_m"].get<double>(), 0.5 * nominal);

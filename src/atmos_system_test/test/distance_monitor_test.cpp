@@ -21,11 +21,13 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDuration_s = 22.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 9e-4, 2e-3};
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
+
+constexpr double kDuration_s = 22.0;
 
 int runs() { return std::getenv("ATMOS_LONG_TESTS") != nullptr ? 100 : 6; }
-double stopped_clock() { return 0.0; }
 
 struct Outcome {
   double least_m = std::numeric_limits<double>::infinity();  // between the bodies
@@ -106,10 +108,10 @@ class TwoRobots {
  private:
   PlanarState<double> measured(PlanarState<double> state) {
     std::normal_distribution<double> normal;
-    state.p_WC += kNoise.position_m * Eigen::Vector2d(normal(random_), normal(random_));
-    state.v_WC += kNoise.velocity_m_s * Eigen::Vector2d(normal(random_), normal(random_));
-    state.yaw += kNoise.yaw_rad * normal(random_);
-    state.yaw_rate += kNoise.rate_rad_s * normal(random_);
+    state.p_WC += kLabNoise.position_m * Eigen::Vector2d(normal(random_), normal(random_));
+    state.v_WC += kLabNoise.velocity_m_s * Eigen::Vector2d(normal(random_), normal(random_));
+    state.yaw += kLabNoise.yaw_rad * normal(random_);
+    state.yaw_rate += kLabNoise.rate_rad_s * normal(random_);
     return state;
   }
 

@@ -15,10 +15,10 @@
 namespace atmos {
 namespace {
 
-constexpr double kStart = 1234.5, kDegree = M_PI / 180.0;
-const testing::Noise kNoise = {3e-4, 2e-3, 0.05 * kDegree, 2e-3};
-
-double stopped_clock() { return 0.0; }
+using testing::kDegree;
+using testing::kLabNoise;
+using testing::kStart;
+using testing::stopped_clock;
 
 class Levels : public ::testing::TestWithParam<std::string> {
  protected:
@@ -60,7 +60,7 @@ TEST_P(Levels, EverySetPointIsReachedWithAnyOneThrusterDeadAndDeclaredUnderCoupl
     const std::vector<Effect> effects = {dead, coupling};
     Controller control(vehicle(), controller(effects), true, stopped_clock);
     FlightController core(vehicle(), flight_controller(effects), Pacing::kLockstep);
-    testing::Flight flight(vehicle(), control, kStart, {}, kNoise, 5, effects);
+    testing::Flight flight(vehicle(), control, kStart, {}, kLabNoise, 5, effects);
     flight.set_flight_controller([&](const ControlDecision& decision, double yaw_rate) {
       return carried_out(core, control.level(), decision, yaw_rate);
     });
@@ -98,7 +98,7 @@ TEST_P(Levels, KeepsAwayFromPlaces) {
     control.add_goal(testing::planar_goal(kStart, flown.goal.x(), flown.goal.y(), 0.0));
     PlanarState<double> at;
     at.p_WC = flown.start;
-    testing::Flight flight(vehicle(), control, kStart, at, kNoise, 8);
+    testing::Flight flight(vehicle(), control, kStart, at, kLabNoise, 8);
     flight.set_flight_controller([&](const ControlDecision& decision, double yaw_rate) {
       return carried_out(core, control.level(), decision, yaw_rate);
     });

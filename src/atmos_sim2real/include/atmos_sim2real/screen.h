@@ -1,6 +1,7 @@
 // Every hypothesis scored beside a model by its linearisation: cheap enough for hundreds of starts.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "atmos_sim2real/library.h"
@@ -15,15 +16,24 @@ struct Screened {
   Eigen::VectorXd amplitude;  // of the start's linear parameters, from neutral
   Eigen::VectorXd
       deviation;  // what the flights would leave of each linear parameter's uncertainty, alone in its effect
-  Eigen::VectorXd widths;       // prior widths of the same
-  double gain = 0.0;            // nats, without prior, Occam factor and penalty
-  double chance = 0.0;          // nats that it would gain if it were absent: half its effective parameters
-  double presence = 0.0;        // nats that an effect which is there or not would bring if it were all there
-  Eigen::VectorXd information;  // maps: what the flights know of the field over what its prior does
+  Eigen::VectorXd widths;  // prior widths of the same
+  double gain = 0.0;       // nats, without prior, Occam factor and penalty
+  double chance = 0.0;     // nats that it would gain if it were absent: half its effective parameters
+  double presence = 0.0;   // nats that an effect which is there or not would bring if it were all there
+  std::vector<double> score_of_noise;  // per draw; of onsets none
+  Eigen::VectorXd information;         // maps: what the flights know of the field over what its prior does
 };
 
-// Scores all hypotheses beside `base`, best first.
-std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library);
+// Innovations as the noise alone might have made them: those of a fit, in blocks of 6 s with random signs, so
+// that what correlation the noise model misses stays in them.
+struct NoiseAlone {
+  std::vector<Eigen::MatrixXd> innovations;  // per flight, a column per draw
+};
+NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::uint32_t seed);
+
+// Scores all hypotheses beside `base`, best first; where given, also what they would score on noise alone.
+std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library,
+                             const NoiseAlone* imagined = nullptr);
 
 // Nats for the choices that no prior width expresses.
 double choices_of(const Hypothesis& hypothesis);

@@ -4,18 +4,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "atmos_sim2real/screen.h"
 
 namespace atmos {
-
-// For the p-value: what one hypothesis gains over the nominal model, and with how many parameters.
-struct NominalScore {
-  double gain;
-  int parameters;
-};
 
 // An effect that was tried beside the current model.
 struct Tried {
@@ -46,7 +41,8 @@ struct SearchResult {
   Fit final;
   std::vector<Claim> claims;    // one per effect of `final`, in the same order
   std::vector<Tried> rejected;  // tried beside the final model and not accepted, best first
-  std::vector<NominalScore> nominal_scores;
+  std::optional<double>
+      p_value_of_screen;  // of the best hypothesis beside the nominal model, under its noise alone
 };
 
 struct SearchOptions {
