@@ -352,6 +352,14 @@ void Fit::hold(const std::function<bool(const FreeParameter&)>& held) {
   linearisation = std::move(fewer);
 }
 
+void Fit::take_out(std::size_t effect) {
+  hold([&](const FreeParameter& parameter) { return parameter.effect == effect; });
+  for (FreeParameter& parameter : free) {
+    if (parameter.effect > effect) --parameter.effect;
+  }
+  effects.erase(effects.begin() + static_cast<long>(effect));
+}
+
 Fit refine(const Problem& problem, Fit current, int iterations) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;

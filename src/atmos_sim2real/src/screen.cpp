@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 namespace atmos {
@@ -295,6 +296,25 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
   std::sort(scored.begin(), scored.end(),
             [](const Screened& a, const Screened& b) { return a.score > b.score; });
   return scored;
+}
+
+double p_value(const std::vector<Screened>& scored) {
+  double best = -std::numeric_limits<double>::infinity();
+  Eigen::ArrayXd largest;
+  for (const Screened& screened : scored) {
+    if (screened.score_of_noise.empty()) continue;
+    const Eigen::Map<const Eigen::ArrayXd> draws(screened.score_of_noise.data(),
+                                                 static_cast<Eigen::Index>(screened.score_of_noise.size()));
+    largest = largest.size() == 0 ? Eigen::ArrayXd(draws) : Eigen::ArrayXd(largest.max(draws));
+    best = std::max(best, screened.score);
+  }
+  if (largest.size() < 2) return 1.0;
+  constexpr double kEuler = 0.5772156649;
+  const double mean = largest.mean();
+  const double deviation =
+      std::sqrt((largest - mean).square().sum() / static_cast<double>(largest.size() - 1));
+  const double scale = deviation * std::sqrt(6.0) / M_PI;
+  return -std::expm1(-std::exp(-(best - mean) / scale - kEuler));
 }
 
 }  // namespace atmos

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/laws.h"
 #include "atmos_sim2real/map_prior.h"
+#include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
 #include "atmos_sim2real/patch.h"
 
@@ -221,19 +221,10 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
   return current;
 }
 
-// Takes an effect and its free parameters out of a model, which is not fitted again.
-void take_out(Fit& fit, std::size_t index) {
-  fit.hold([&](const FreeParameter& free) { return free.effect == index; });
-  for (FreeParameter& parameter : fit.free) {
-    if (parameter.effect > index) --parameter.effect;
-  }
-  fit.effects.erase(fit.effects.begin() + static_cast<long>(index));
-}
-
 // The model without effect `index`, refitted.
 Fit without(const Problem& problem, Fit rest, std::size_t index) {
   rest.linearisation.reset();
-  take_out(rest, index);
+  rest.take_out(index);
   return fit(problem, std::move(rest.effects), std::move(rest.free), rest.noise, FitEffort::kQuick);
 }
 
@@ -281,60 +272,6 @@ std::vector<Hypothesis> unclaimed(const std::vector<Hypothesis>& all, const std:
     if (!is_claimed(claims, hypothesis)) open.push_back(hypothesis);
   }
   return open;
-}
-
-// Makes effect `from` part of effect `to`: its free parameters go over to it, or leave.
-void absorb(Fit& fit, std::vector<Claim>& claims, std::size_t from, std::size_t to, bool keep_parameters) {
-  claims[to].gain += claims[from].gain;
-  claims[to].heldout_gain += claims[from].heldout_gain;
-  claims[to].inclusion = std::max(claims[to].inclusion, claims[from].inclusion);
-  if (keep_parameters) {
-    for (FreeParameter& parameter : fit.free) {
-      if (parameter.effect == from) parameter.effect = to;
-    }
-  }
-  take_out(fit, from);
-  claims.erase(claims.begin() + static_cast<long>(from));
-}
-
-// A tilted floor under a height map is one height map (docs/effects.md).
-void merge_floor(Fit& fit, std::vector<Claim>& claims) {
-  std::size_t tilt = fit.effects.size(), map = fit.effects.size();
-  for (std::size_t i = 0; i < fit.effects.size(); ++i) {
-    if (std::holds_alternative<FloorTilt>(fit.effects[i])) tilt = i;
-    if (std::holds_alternative<FloorUnevenness>(fit.effects[i])) map = i;
-  }
-  if (tilt == fit.effects.size() || map == fit.effects.size()) return;
-  const FloorTilt slope = std::get<FloorTilt>(fit.effects[tilt]);
-  FloorUnevenness& floor = std::get<FloorUnevenness>(fit.effects[map]);
-  for (std::size_t j = 0; j < floor.height_m.size(); ++j) {
-    for (std::size_t i = 0; i < floor.height_m[j].size(); ++i) {
-      floor.height_m[j][i] += floor.grid.spacing_m * (slope.slope_x * static_cast<double>(i) +
-                                                      slope.slope_y * static_cast<double>(j));
-    }
-  }
-  absorb(fit, claims, tilt, map, false);
-}
-
-// What is outside the vocabulary is one effect, however many laws it takes.
-void merge_laws(Fit& fit, std::vector<Claim>& claims) {
-  std::size_t first = fit.effects.size();
-  for (std::size_t i = 0; i < fit.effects.size(); ++i) {
-    if (!std::holds_alternative<Unmodelled>(fit.effects[i])) continue;
-    if (first == fit.effects.size()) {
-      first = i;
-      continue;
-    }
-    Unmodelled& law = std::get<Unmodelled>(fit.effects[first]);
-    const std::size_t before = law.coefficients.size();
-    law = joined(law, std::get<Unmodelled>(fit.effects[i]));
-    for (FreeParameter& free : fit.free) {
-      if (free.effect == i) free.element += before;
-    }
-    claims[first].hypothesis.law += "; " + claims[i].hypothesis.law;
-    absorb(fit, claims, i, first, true);
-    --i;
-  }
 }
 
 std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const Fit& nominal) {
@@ -385,27 +322,6 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     return true;
   }
   return false;
-}
-
-// Probability that noise alone scores as high as the best hypothesis does, all hypotheses together: the
-// largest scores of the draws have a Gumbel distribution.
-double p_value(const std::vector<Screened>& scored) {
-  double best = -std::numeric_limits<double>::infinity();
-  Eigen::ArrayXd largest;
-  for (const Screened& screened : scored) {
-    if (screened.score_of_noise.empty()) continue;
-    const Eigen::Map<const Eigen::ArrayXd> draws(screened.score_of_noise.data(),
-                                                 static_cast<Eigen::Index>(screened.score_of_noise.size()));
-    largest = largest.size() == 0 ? Eigen::ArrayXd(draws) : Eigen::ArrayXd(largest.max(draws));
-    best = std::max(best, screened.score);
-  }
-  if (largest.size() < 2) return 1.0;
-  constexpr double kEuler = 0.5772156649;
-  const double mean = largest.mean();
-  const double deviation =
-      std::sqrt((largest - mean).square().sum() / static_cast<double>(largest.size() - 1));
-  const double scale = deviation * std::sqrt(6.0) / M_PI;
-  return -std::expm1(-std::exp(-(best - mean) / scale - kEuler));
 }
 
 }  // namespace

@@ -64,6 +64,8 @@ struct Fit {
 
   // Without some of the free parameters; the effects stay as they are.
   void hold(const std::function<bool(const FreeParameter&)>& held);
+  // Without an effect and its free parameters; not fitted again.
+  void take_out(std::size_t effect);
 };
 
 // The flights with what all fits need of the vehicle.

@@ -35,6 +35,10 @@ NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::u
 std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library,
                              const NoiseAlone* imagined = nullptr);
 
+// Probability that noise alone scores as high as the best hypothesis does, all hypotheses together: the
+// largest scores of the draws have a Gumbel distribution.
+double p_value(const std::vector<Screened>& scored);
+
 // Nats for the choices that no prior width expresses.
 double choices_of(const Hypothesis& hypothesis);
 
