@@ -6,7 +6,6 @@
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
-#include "atmos_sim2real/laws.h"
 #include "atmos_sim2real/map_prior.h"
 #include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
