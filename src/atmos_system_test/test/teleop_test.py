@@ -86,6 +86,20 @@ class Teleop(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline, f"no {what}:\n{launch.text()}")
             time.sleep(0.02)
 
+    def hold_until(self, what, condition, launch, **sticks):
+        """Holds the dead man, again every few seconds: a machine that stalls makes a silence, after which he must be released."""
+        for _ in range(6):
+            self.hand.release()
+            time.sleep(0.3)
+            self.hand.hold(**sticks)
+            deadline = time.monotonic() + 5.0
+            while time.monotonic() < deadline:
+                if condition():
+                    return
+                self.assertIsNone(launch.process.poll(), launch.text())
+                time.sleep(0.02)
+        self.fail(f"no {what}:\n{launch.text()}")
+
     def world(self, **arguments):
         self.hand.truth, self.hand.commands = None, 0
         scenario = harness.write_scenario(harness.scratch(), duration_s=1000.0, setpoints=HOLD)
@@ -102,11 +116,8 @@ class Teleop(unittest.TestCase):
 
     def push(self, launch, **sticks):
         """Holds the dead man until valves have opened, then a little longer."""
-        self.hand.release()
-        time.sleep(0.2)
-        begin = time.monotonic()
-        self.hand.hold(**sticks)
-        self.wait("open valve", lambda: self.hand.open_s > begin, launch)
+        begin = time.monotonic() + 0.2
+        self.hold_until("open valve", lambda: self.hand.open_s > begin, launch, **sticks)
         time.sleep(0.7)
         self.assertGreater(self.hand.open_s, time.monotonic() - 0.5, "valves closed while held")
 
@@ -155,8 +166,7 @@ class Teleop(unittest.TestCase):
         with self.world(player=False) as world:
             with self.teleop(world, "position") as teleop:
                 start = self.hand.truth.pose.pose.position
-                self.hand.hold(forward=1.0)
-                self.wait("motion", lambda: self.hand.truth.pose.pose.position.x > start.x + 0.1, teleop)
+                self.hold_until("motion", lambda: self.hand.truth.pose.pose.position.x > start.x + 0.1, teleop, forward=1.0)
                 self.hand.release()
                 time.sleep(0.5)
                 count, last = len(self.hand.set_points), self.hand.set_points[-1]
