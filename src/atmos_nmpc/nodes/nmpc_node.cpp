@@ -16,6 +16,7 @@
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
+#include "atmos_model_ros/odometry_gate.h"
 #include "atmos_nmpc/controller.h"
 #include "nmpc_messages.h"
 
@@ -85,15 +86,28 @@ class NmpcNode {
       const double now = lockstep_ ? sample.stamp_s : ros::Time::now().toSec();
       publish(controller_.on_odometry(sample, now), sample.stamp_s, begin);
     });
+    gate_.on_odometry(sample.stamp_s);
+    pass_on_missing_frames();
   }
 
   void on_mocap_status(const atmos_msgs::MocapStatus& message) {
-    if (message.published) return;
     const double stamp = message.header.stamp.toSec();
-    feed([this, stamp] {
-      const double begin = steady_seconds();
-      publish(controller_.on_missing_frame(stamp), stamp, begin);
-    });
+    gate_.on_status(stamp, message.published);
+    if (!message.published) missing_.push_back(stamp);
+    pass_on_missing_frames();
+  }
+
+  // In lockstep a missing frame waits for the odometry before it, which comes over another connection: which
+  // is first would differ from run to run.
+  void pass_on_missing_frames() {
+    while (!missing_.empty() && (!lockstep_ || gate_.complete(missing_.front()))) {
+      const double stamp = missing_.front();
+      missing_.pop_front();
+      feed([this, stamp] {
+        const double begin = steady_seconds();
+        publish(controller_.on_missing_frame(stamp), stamp, begin);
+      });
+    }
   }
 
   void on_set_point(const geometry_msgs::PoseStamped& message) {
@@ -227,6 +241,8 @@ class NmpcNode {
   bool lockstep_;
   Controller controller_;
   std::string base_frame_;
+  OdometryGate gate_;
+  std::deque<double> missing_;  // stamps of frames without odometry, not yet passed on
   std::deque<std::function<void()>> held_;
   std::uint64_t deadline_misses_ = 0;
   atmos_msgs::NmpcStatus last_status_ = [] {

@@ -16,8 +16,8 @@
 
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
+#include "atmos_model_ros/odometry_gate.h"
 #include "atmos_px4_bridge/flight_controller.h"
-#include "atmos_px4_bridge/odometry_gate.h"
 
 namespace atmos {
 
