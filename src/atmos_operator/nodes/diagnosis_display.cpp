@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "atmos_model_ros/marker.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_operator/diagnosis_scene.h"
-#include "marker_paint.h"
 
 namespace atmos {
 namespace {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "atmos_model_ros/marker.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_operator/thrust_arrows.h"
-#include "marker_paint.h"
 
 namespace atmos {
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "atmos_sim2real/floor_map.h"
 #include "atmos_sim2real/laws.h"
 
 namespace atmos {
@@ -182,18 +183,11 @@ bool acts_slowly(const Effect& effect) {
 
 // Where the centre of mass must be for one node of a map to push.
 Reach reach_of_node(const Effect& map, std::size_t node, const Vehicle& vehicle) {
-  const auto around = [&](const Grid& grid, const GridRows& rows) {
-    const std::size_t width = rows.front().size();
-    const Eigen::Vector2d steps(static_cast<double>(node % width), static_cast<double>(node / width));
-    double bearing = 0.0;
-    const Plant plant(vehicle, {}, 0.0);
-    for (const Eigen::Vector2d& at : plant.properties().bearings_m) bearing = std::max(bearing, at.norm());
-    return Reach{Eigen::Vector2d(grid.origin_m[0], grid.origin_m[1]) + grid.spacing_m * steps,
-                 2.0 * std::sqrt(2.0) * grid.spacing_m + bearing + 0.05};
-  };
-  if (const auto* floor = std::get_if<FloorUnevenness>(&map)) return around(floor->grid, floor->height_m);
-  const Airflow& wind = std::get<Airflow>(map);
-  return around(wind.grid, wind.force_x_n);
+  const Lattice lattice = lattice_of(map);
+  double bearing = 0.0;
+  const Plant plant(vehicle, {}, 0.0);
+  for (const Eigen::Vector2d& at : plant.properties().bearings_m) bearing = std::max(bearing, at.norm());
+  return {lattice.place(node), 2.0 * std::sqrt(2.0) * lattice.grid.spacing_m + bearing + 0.05};
 }
 
 // The motion that an effect from outside makes by itself, whitened: needs no thrusters and no valve edges.

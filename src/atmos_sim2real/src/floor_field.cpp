@@ -31,21 +31,22 @@ double affordable_spacing(const Box& box, double margin, double finest, double n
   return std::max(finest, std::sqrt(area / nodes));
 }
 
-Eigen::MatrixXd covariance(const Field& field, const Lattice& a, const Lattice& b) {
-  Eigen::MatrixXd between(static_cast<Eigen::Index>(a.nodes()), static_cast<Eigen::Index>(b.nodes()));
-  for (std::size_t i = 0; i < a.nodes(); ++i) {
-    for (std::size_t j = 0; j < b.nodes(); ++j) {
-      const double r = std::sqrt(5.0) * (a.place(i) - b.place(j)).norm() / field.length_m;
+Eigen::MatrixXd covariance(const Field& field, const Lattice& lattice) {
+  const auto n = static_cast<Eigen::Index>(lattice.nodes());
+  Eigen::MatrixXd between(n, n);
+  for (std::size_t i = 0; i < lattice.nodes(); ++i) {
+    for (std::size_t j = 0; j < lattice.nodes(); ++j) {
+      const double r = std::sqrt(5.0) * (lattice.place(i) - lattice.place(j)).norm() / field.length_m;
       between(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
           field.deviation * field.deviation * (1.0 + r + r * r / 3.0) * std::exp(-r);
     }
   }
+  between.diagonal().array() += kNugget * field.deviation * field.deviation;
   return between;
 }
 
 Eigen::MatrixXd precision(const Field& field, const Lattice& lattice) {
-  Eigen::MatrixXd within = covariance(field, lattice, lattice);
-  within.diagonal().array() += kNugget * field.deviation * field.deviation;
+  const Eigen::MatrixXd within = covariance(field, lattice);
   return within.llt().solve(Eigen::MatrixXd::Identity(within.rows(), within.cols()));
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "atmos_sim2real/floor_field.h"
+#include "atmos_sim2real/floor_map.h"
 #include "atmos_sim2real/laws.h"
 
 namespace atmos {
@@ -56,39 +56,24 @@ void add_thruster_hypotheses(const Vehicle& vehicle, const std::vector<Flight>& 
   }
 }
 
-void free_nodes(Hypothesis& map, const std::string& name, const Field& field, const Lattice& lattice) {
-  const auto joint = std::make_shared<const Eigen::MatrixXd>(precision(field, lattice));
-  for (std::size_t node = 0; node < lattice.nodes(); ++node)
-    map.free.push_back({0, name, node, 0.0, field.deviation, 0.1 * field.deviation, true, joint});
+Hypothesis map_hypothesis(Effect map, const Lattice& lattice, const Field& field) {
+  lay_out(map, lattice);
+  Hypothesis hypothesis;
+  hypothesis.kind = kind_of(map);
+  hypothesis.map = true;
+  hypothesis.free = free_nodes(map, 0, field);
+  hypothesis.starts.push_back({map, components_of(map)});
+  return hypothesis;
 }
 
 Hypothesis unevenness(const Box& box) {
-  const Field field{6e-4, 0.7};
-  const Lattice lattice = lattice_over(box, 0.2, affordable_spacing(box, 0.2, 0.15, 150));
-  FloorUnevenness floor;
-  floor.grid = lattice.grid;
-  floor.height_m.assign(lattice.rows, std::vector<double>(lattice.columns, 0.0));
-  Hypothesis hypothesis;
-  hypothesis.kind = FloorUnevenness::kKind;
-  hypothesis.map = true;
-  hypothesis.starts.push_back({floor, {"height_m"}});
-  free_nodes(hypothesis, "height_m", field, lattice);
-  return hypothesis;
+  return map_hypothesis(FloorUnevenness{}, lattice_over(box, 0.2, affordable_spacing(box, 0.2, 0.15, 150)),
+                        {6e-4, 0.7});
 }
 
 Hypothesis airflow(const Box& box) {
-  const Field field{0.05, 1.2};
-  const Lattice lattice = lattice_over(box, 0.0, affordable_spacing(box, 0.0, 0.25, 80));
-  Airflow wind;
-  wind.grid = lattice.grid;
-  wind.force_x_n.assign(lattice.rows, std::vector<double>(lattice.columns, 0.0));
-  wind.force_y_n = wind.force_x_n;
-  Hypothesis hypothesis;
-  hypothesis.kind = Airflow::kKind;
-  hypothesis.map = true;
-  hypothesis.starts.push_back({wind, {"force_x_n", "force_y_n"}});
-  for (const std::string name : {"force_x_n", "force_y_n"}) free_nodes(hypothesis, name, field, lattice);
-  return hypothesis;
+  return map_hypothesis(Airflow{}, lattice_over(box, 0.0, affordable_spacing(box, 0.0, 0.25, 80)),
+                        {0.05, 1.2});
 }
 
 Hypothesis tether(const Box& box) {

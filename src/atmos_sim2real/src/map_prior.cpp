@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include "atmos_sim2real/floor_field.h"
 #include "atmos_sim2real/floor_hills.h"
+#include "atmos_sim2real/floor_map.h"
 #include "atmos_sim2real/node_likelihood.h"
 
 namespace atmos {
@@ -20,18 +20,6 @@ struct NodePrior {
   VectorXd mean, deviation;
   MatrixXd precision;
 };
-
-Lattice lattice_of(const Effect& map) {
-  if (const auto* floor = std::get_if<FloorUnevenness>(&map))
-    return {floor->grid, floor->height_m.front().size(), floor->height_m.size()};
-  const Airflow& wind = std::get<Airflow>(map);
-  return {wind.grid, wind.force_x_n.front().size(), wind.force_x_n.size()};
-}
-
-std::vector<std::string> components_of(const Effect& map) {
-  if (std::holds_alternative<FloorUnevenness>(map)) return {"height_m"};
-  return {"force_x_n", "force_y_n"};
-}
 
 // The same for every component.
 double evidence(const NodeLikelihood& likelihood, const NodePrior& prior, std::size_t components) {
@@ -56,8 +44,7 @@ std::vector<double> deviations_of(const Effect& map) {
 NodePrior hills(const NodeLikelihood& likelihood, const Lattice& lattice) {
   constexpr double kLeft = 3e-5;  // m: deviation of what hills leave
   const HillyFloor floor = find_hills(likelihood, lattice);
-  MatrixXd spread = floor.covariance_m2 + covariance({kLeft, 0.7}, lattice, lattice);
-  spread.diagonal().array() += 1e-4 * kLeft * kLeft;  // keeps it well conditioned
+  const MatrixXd spread = floor.covariance_m2 + covariance({kLeft, 0.7}, lattice);
   return {floor.height_m, spread.diagonal().cwiseSqrt(),
           spread.llt().solve(MatrixXd::Identity(spread.rows(), spread.cols()))};
 }
@@ -103,19 +90,6 @@ Fit refitted(const Problem& problem, const Fit& fit, std::vector<FreeParameter> 
   return refine(problem, std::move(start), 3);
 }
 
-// The map laid out anew on a lattice, all nodes 0.
-void lay_out(Effect& map, const Lattice& lattice) {
-  const GridRows zero(lattice.rows, std::vector<double>(lattice.columns, 0.0));
-  if (auto* floor = std::get_if<FloorUnevenness>(&map)) {
-    floor->grid = lattice.grid;
-    floor->height_m = zero;
-  } else {
-    Airflow& wind = std::get<Airflow>(map);
-    wind.grid = lattice.grid;
-    wind.force_x_n = wind.force_y_n = zero;
-  }
-}
-
 }  // namespace
 
 Fit with_best_prior(const Problem& problem, Fit fit, std::size_t map) {
@@ -138,13 +112,8 @@ Fit continued(const Problem& problem, Fit fit, std::size_t map) {
   for (const FreeParameter& other : fit.free) {
     if (other.effect != map) free.push_back(other);
   }
-  const std::vector<std::string> components = components_of(effects[map]);
-  const Field usual{deviations_of(effects[map])[2], 1.0};
-  const auto joint = std::make_shared<const MatrixXd>(precision(usual, lattice));
-  for (const std::string& component : components) {
-    for (std::size_t node = 0; node < lattice.nodes(); ++node)
-      free.push_back({map, component, node, 0.0, usual.deviation, 0.1 * usual.deviation, true, joint});
-  }
+  for (FreeParameter& node : free_nodes(effects[map], map, {deviations_of(effects[map])[2], 1.0}))
+    free.push_back(std::move(node));
   const Fit wide = refine(problem, evaluate(problem, std::move(effects), std::move(free), fit.noise), 3);
 
   const Weighed best = best_prior(node_likelihood(wide, map), wide.effects[map]);

@@ -6,6 +6,7 @@
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
+#include "atmos_sim2real/floor_map.h"
 #include "atmos_sim2real/map_prior.h"
 #include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
@@ -39,10 +40,6 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   for (std::size_t p = 0; p < linear.size(); ++p)
     parameter(extended.effects, linear[p]) += at.amplitude[static_cast<Eigen::Index>(p)];
   return extended;
-}
-
-bool over_the_floor(const Effect& effect) {
-  return std::holds_alternative<FloorUnevenness>(effect) || std::holds_alternative<Airflow>(effect);
 }
 
 // Fits the current model with one screened hypothesis.
@@ -349,8 +346,9 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
                      std::to_string(claims.size()) + " effects");
     const bool first = !result.p_value_of_screen;
-    const NoiseAlone alone = noise_alone(problem, current, first ? kDraws : 0, options.seed);
-    const std::vector<Screened> scored = screen(problem, current, open, first ? &alone : nullptr);
+    std::optional<NoiseAlone> alone;
+    if (first) alone = noise_alone(problem, current, kDraws, options.seed);
+    const std::vector<Screened> scored = screen(problem, current, open, first ? &*alone : nullptr);
     if (first) result.p_value_of_screen = p_value(scored);
     if (claims.size() >= options.most_effects) break;
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "atmos_model_ros/messages.h"
+#include "atmos_model_ros/marker.h"
 #include "atmos_model_ros/planar_trajectory.h"
 #include "atmos_stl_planner/trajectory_samples.h"
 
@@ -15,30 +15,10 @@ constexpr double kSample_s = 0.1;
 constexpr double kPath_s = 0.25;
 constexpr double kLabel_m = 0.09;  // height of a line of text
 
-std_msgs::ColorRGBA color(double r, double g, double b, double a) {
-  std_msgs::ColorRGBA result;
-  result.r = static_cast<float>(r);
-  result.g = static_cast<float>(g);
-  result.b = static_cast<float>(b);
-  result.a = static_cast<float>(a);
-  return result;
-}
-
-geometry_msgs::Point point(const Eigen::Vector2d& p) {
-  geometry_msgs::Point result;
-  result.x = p.x();
-  result.y = p.y();
-  return result;
-}
+geometry_msgs::Point point(const Eigen::Vector2d& p) { return point_at({p.x(), p.y(), 0.0}); }
 
 visualization_msgs::Marker marker(const std::string& space, int id, int type, double size) {
-  visualization_msgs::Marker made;
-  made.header.frame_id = kWorldFrame;
-  made.ns = space;
-  made.id = id;
-  made.type = type;
-  made.action = visualization_msgs::Marker::ADD;
-  made.pose.orientation.w = 1.0;
+  visualization_msgs::Marker made = make_marker(space, id, type, {});
   made.scale.x = made.scale.y = made.scale.z = size;
   return made;
 }

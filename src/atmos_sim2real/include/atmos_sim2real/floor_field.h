@@ -28,9 +28,9 @@ Lattice lattice_over(const Box& box, double margin, double spacing);
 // The finest spacing, from `finest` on, with which the same takes at most about so many nodes.
 double affordable_spacing(const Box& box, double margin, double finest, double nodes);
 
-// Covariance of a field (Matern 5/2) between the nodes of two lattices.
-Eigen::MatrixXd covariance(const Field& field, const Lattice& a, const Lattice& b);
-// Its inverse on one lattice: the prior precision of the nodes.
+// Covariance of a field's nodes (Matern 5/2).
+Eigen::MatrixXd covariance(const Field& field, const Lattice& lattice);
+// Its inverse: the prior precision of the nodes.
 Eigen::MatrixXd precision(const Field& field, const Lattice& lattice);
 
 }  // namespace atmos
