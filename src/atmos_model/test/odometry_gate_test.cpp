@@ -1,4 +1,4 @@
-#include "atmos_model_ros/odometry_gate.h"
+#include "atmos_model/odometry_gate.h"
 
 #include <gtest/gtest.h>
 

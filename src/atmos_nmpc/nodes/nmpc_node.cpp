@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/odometry_gate.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
-#include "atmos_model_ros/odometry_gate.h"
 #include "atmos_nmpc/controller.h"
 #include "nmpc_messages.h"
 

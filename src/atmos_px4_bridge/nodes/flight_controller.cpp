@@ -14,9 +14,9 @@
 #include <deque>
 #include <optional>
 
+#include "atmos_model/odometry_gate.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
-#include "atmos_model_ros/odometry_gate.h"
 #include "atmos_px4_bridge/flight_controller.h"
 
 namespace atmos {

@@ -1,6 +1,6 @@
-// In lockstep: whether all odometry up to a time has come, so that a rate command or the loss of a frame meets
-// the same measurement in every run. Odometry and mocap/status arrive over two connections, each in order; the status of a frame
-// says whether there is odometry with its stamp. Times are ROS seconds.
+// In lockstep: whether all odometry up to a time has come, so that a rate command or the loss of a frame
+// meets the same measurement in every run. Odometry and mocap/status arrive over two connections, each in
+// order; the status of a frame says whether there is odometry with its stamp. Times are ROS seconds.
 #pragma once
 
 #include <limits>
