@@ -15,8 +15,15 @@ sys.path.insert(0, os.path.join(ROOT, "scripts", "lib"))
 
 CONFIG = os.path.join(ROOT, "config")
 VEHICLE = os.path.join(CONFIG, "vehicle", "atmos.yaml")
-CONTROLLER = os.path.join(CONFIG, "controller", "direct_allocation.yaml")
 PERIOD_S = 0.1
+
+
+def controller(name):
+    """Path of a shipped controller file."""
+    return os.path.join(CONFIG, "controller", name + ".yaml")
+
+
+CONTROLLER = controller("direct_allocation")
 
 
 def scratch():
@@ -61,6 +68,14 @@ class Launch:
         """Calls a service of a node under this launch's master."""
         subprocess.run(["rosservice", "call", service, *arguments], check=True, timeout=30.0, env=self.environment,
                        stdout=subprocess.DEVNULL)
+
+    def wait_for(self, text, limit_s=120.0):
+        """Returns once the log has the text; AssertionError with the log when the launch ends or time is over before."""
+        deadline = time.monotonic() + limit_s
+        while text not in self.text():
+            assert self.process.poll() is None, f"ended before '{text}':\n{self.text()}"
+            assert time.monotonic() < deadline, f"no '{text}' after {limit_s} s:\n{self.text()}"
+            time.sleep(0.1)
 
     def wait(self, limit_s):
         """The log once the launch has ended by itself; TimeoutError with the log when it has not."""

@@ -105,13 +105,6 @@ class Started(unittest.TestCase):
         self.assertEqual(re.findall(r"process has died \[.*", log), [], log)
         self.assertNotIn("Traceback", log)
 
-    def wait_for(self, launch, text, limit_s=120.0):
-        deadline = time.monotonic() + limit_s
-        while text not in launch.text():
-            self.assertIsNone(launch.process.poll(), launch.text())
-            self.assertLess(time.monotonic(), deadline, f"no '{text}':\n{launch.text()}")
-            time.sleep(0.1)
-
     def stop(self, launch):
         launch.stop()
         self.assert_clean(launch)
@@ -161,9 +154,9 @@ class Started(unittest.TestCase):
         bag, summary = os.path.join(folder, "mission.bag"), os.path.join(folder, "sim.json")
         scenario = harness.write_scenario(folder, duration_s=20.0, setpoints=HOLD)
         with harness.Launch("sim.launch", scenario=scenario, summary=summary, clock="real", player=False) as world:
-            self.wait_for(world, "t = 5 /")
+            world.wait_for("t = 5 /")
             with harness.Launch("mission.launch", joins=world, mission=mission, record=bag) as launch:
-                self.wait_for(world, "t = 15 /")
+                world.wait_for("t = 15 /")
                 self.stop(launch)
             self.assertEqual([pid for pid in world.processes() if world.says(pid, "setpoint_player", "recorder")], [])
             world.wait(120.0)
@@ -182,12 +175,12 @@ class Started(unittest.TestCase):
         here = os.path.dirname(os.path.realpath(__file__))
         with harness.Launch(os.path.join(here, "hardware_world.launch"), scenario=scenario, device=device,
                             summary=os.path.join(folder, "sim.json")) as world:
-            self.wait_for(world, "pixhawk_emulator")
+            world.wait_for("pixhawk_emulator")
             with harness.Launch("hardware.launch", joins=world, device=device, record=bag) as hardware, \
                     harness.Launch("mission.launch", joins=world, mission=mission) as player:
-                self.wait_for(world, "t = 5 /")  # time starts when everything is connected
+                world.wait_for("t = 5 /")  # time starts when everything is connected
                 world.call("/atmos/px4/arm", "true")
-                self.wait_for(world, "t = 15 /")
+                world.wait_for("t = 15 /")
                 self.stop(player)
                 self.stop(hardware)
                 log = hardware.text()
@@ -202,7 +195,7 @@ class Started(unittest.TestCase):
 
     def test_markers_of_a_diagnosis(self):
         with harness.Launch("diagnosis.launch", model=os.path.join(harness.CONFIG, "model", "harsh.yaml"), rviz=False) as launch:
-            self.wait_for(launch, "diagnosis_display-")
+            launch.wait_for("diagnosis_display-")
             master = rosgraph.Master("/launch_files_test", launch.master)
             deadline = time.monotonic() + 30.0
             while "/display/diagnosis" not in [topic for topic, _ in master.getPublishedTopics("/")]:

@@ -13,7 +13,7 @@ import flight_report
 def steady_errors(name):
     """Steady errors (m, rad) per set-point of a shipped scenario, and the flight."""
     scenario = os.path.join(harness.CONFIG, "scenario", name + ".yaml")
-    controller = os.path.join(harness.CONFIG, "controller", name.replace("tilted_floor_", "") + ".yaml")
+    controller = harness.controller(name.replace("tilted_floor_", ""))
     bag, log = harness.fly(scenario, 240.0, controller=controller)
     flight = flight_report.load_flight(bag)
     rows = flight_report.setpoint_metrics(flight, flight_report.vehicle_forces(harness.VEHICLE))

@@ -13,7 +13,7 @@ import flight_report
 class Rate(unittest.TestCase):
     def test_trajectories_are_followed(self):
         bag, log = harness.fly(os.path.join(harness.CONFIG, "scenario", "trajectory_rate.yaml"), 240.0,
-                               controller=os.path.join(harness.CONFIG, "controller", "rate.yaml"))
+                               controller=harness.controller("rate"))
         flight = flight_report.load_flight(bag)
         rows = flight_report.trajectory_metrics(flight)
         self.assertEqual(len(rows), 2, log)

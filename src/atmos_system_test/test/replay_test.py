@@ -15,7 +15,7 @@ import flight_report
 DURATION_S = 13.0
 STEP = [{"time_s": 0.0, "x_m": 0.0, "y_m": 0.0, "yaw_deg": 0.0}, {"time_s": 2.0, "x_m": 0.5, "y_m": 0.0, "yaw_deg": 45.0}]
 OUTCOME = ("odometry", "mocap/status", "nmpc/thrusters", "nmpc/wrench", "nmpc/rate", "disturbance", "thruster_command")
-OFFSET_FREE = os.path.join(harness.CONFIG, "controller", "offset_free_wrench.yaml")
+OFFSET_FREE = harness.controller("offset_free_wrench")
 
 
 def payloads(bags, name):

@@ -25,10 +25,6 @@ PWM_S = 0.1
 OFFBOARD_LOSS_S = 0.5  # COM_OF_LOSS_T in config/px4/pixhawk.yaml
 
 
-def controller(name):
-    return os.path.join(harness.CONFIG, "controller", name + ".yaml")
-
-
 class Serial(unittest.TestCase):
     def check_steady(self, bag, log, position_m, yaw_deg):
         flight = flight_report.load_flight(bag)
@@ -43,8 +39,8 @@ class Serial(unittest.TestCase):
         for name, firmware, position_m, yaw_deg in FLIGHTS + (LONG_FLIGHTS if LONG else []):
             with self.subTest(controller=name, firmware=firmware):
                 changes = {} if LONG else {"duration_s": 14.0, "setpoints": STEP}
-                scenario = harness.write_scenario(harness.scratch(), controller=controller(name), **changes)
-                bag, log = harness.fly(scenario, 180.0, controller=controller(name), fmu="serial", firmware=firmware,
+                scenario = harness.write_scenario(harness.scratch(), controller=harness.controller(name), **changes)
+                bag, log = harness.fly(scenario, 180.0, controller=harness.controller(name), fmu="serial", firmware=firmware,
                                        speed=1.0 if LONG else 1.5)
                 print(name, firmware)
                 self.check_steady(bag, log, position_m, yaw_deg)
@@ -58,19 +54,15 @@ class Serial(unittest.TestCase):
 
     def test_an_unplugged_cable_and_a_reboot_are_recovered_from(self):
         folder = harness.scratch()
-        scenario = harness.write_scenario(folder, duration_s=30.0, setpoints=STEP, controller=controller("rate"))
+        scenario = harness.write_scenario(folder, duration_s=30.0, setpoints=STEP, controller=harness.controller("rate"))
         bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
-        with harness.Launch("sim.launch", scenario=scenario, controller=controller("rate"), fmu="serial", firmware="stock",
+        with harness.Launch("sim.launch", scenario=scenario, controller=harness.controller("rate"), fmu="serial", firmware="stock",
                             record=bag, summary=summary) as launch:
-            while "t = 5 /" not in launch.text():
-                time.sleep(0.1)
-                self.assertIsNone(launch.process.poll(), launch.text())
+            launch.wait_for("t = 5 /")
             launch.call("/atmos/pixhawk_emulator/unplug", "true")
             time.sleep(3.0)
             launch.call("/atmos/pixhawk_emulator/unplug", "false")
-            while "t = 15 /" not in launch.text():
-                time.sleep(0.1)
-                self.assertIsNone(launch.process.poll(), launch.text())
+            launch.wait_for("t = 15 /")
             launch.call("/atmos/pixhawk_emulator/reboot")
             log = launch.wait(60.0)
 

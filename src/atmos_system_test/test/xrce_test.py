@@ -3,7 +3,6 @@
 with MAVLink beside it. ATMOS_LONG_TESTS=1: the paper's whole sequence with every controller, and faults of the lines."""
 import math
 import os
-import subprocess
 import time
 import unittest
 
@@ -24,10 +23,6 @@ LONG_FLIGHTS = [("wrench", "xrce", 0.01, 1.0), ("rate", "xrce", 0.03, 2.0),
 STEP = [{"time_s": 0.0, "x_m": 0.0, "y_m": 0.0, "yaw_deg": 0.0},
         {"time_s": 9.0, "x_m": 0.2, "y_m": 0.1, "yaw_deg": 10.0}]
 STEADY_S = 5.0
-
-
-def controller(name):
-    return os.path.join(harness.CONFIG, "controller", name + ".yaml")
 
 
 def steady_errors(bag):
@@ -65,34 +60,26 @@ class Xrce(unittest.TestCase):
         for name, link, position_m, yaw_deg in FLIGHTS + (LONG_FLIGHTS if LONG else []):
             with self.subTest(controller=name, link=link):
                 changes = {} if LONG else {"duration_s": 24.0, "setpoints": STEP}
-                scenario = harness.write_scenario(harness.scratch(), controller=controller(name), **changes)
-                bag, log = harness.fly(scenario, 180.0, controller=controller(name), fmu="serial", link=link,
+                scenario = harness.write_scenario(harness.scratch(), controller=harness.controller(name), **changes)
+                bag, log = harness.fly(scenario, 180.0, controller=harness.controller(name), fmu="serial", link=link,
                                        speed=1.0 if LONG else 1.5)
                 print(name, link)
                 self.check_flown(bag, log, position_m, yaw_deg)
                 self.assertEqual(harness.messages(bag, "px4/supervisor")[-1].unsupported, 0, log)
 
-    def call(self, launch, service, *arguments):
-        subprocess.run(["rosservice", "call", service, *arguments], check=True, timeout=20.0,
-                       env={**os.environ, "ROS_MASTER_URI": launch.master}, stdout=subprocess.DEVNULL)
-
     @unittest.skipUnless(LONG, "a minute of real time; the same faults fly in px4_serial_flight_test")
     def test_an_unplugged_cable_and_a_reboot_are_recovered_from(self):
         folder = harness.scratch()
-        scenario = harness.write_scenario(folder, duration_s=60.0, setpoints=STEP, controller=controller("wrench"))
+        scenario = harness.write_scenario(folder, duration_s=60.0, setpoints=STEP, controller=harness.controller("wrench"))
         bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
-        with harness.Launch("sim.launch", scenario=scenario, controller=controller("wrench"), fmu="serial", link="xrce",
+        with harness.Launch("sim.launch", scenario=scenario, controller=harness.controller("wrench"), fmu="serial", link="xrce",
                             record=bag, summary=summary) as launch:
-            for at, act in ((15, True), (30, False)):
-                while f"t = {at} /" not in launch.text():
-                    time.sleep(0.1)
-                    self.assertIsNone(launch.process.poll(), launch.text())
-                if act:
-                    self.call(launch, "/atmos/pixhawk_emulator/unplug", "true")
-                    time.sleep(3.0)
-                    self.call(launch, "/atmos/pixhawk_emulator/unplug", "false")
-                else:
-                    self.call(launch, "/atmos/pixhawk_emulator/reboot")
+            launch.wait_for("t = 15 /")
+            launch.call("/atmos/pixhawk_emulator/unplug", "true")
+            time.sleep(3.0)
+            launch.call("/atmos/pixhawk_emulator/unplug", "false")
+            launch.wait_for("t = 30 /")
+            launch.call("/atmos/pixhawk_emulator/reboot")
             log = launch.wait(90.0)
         links = harness.messages(bag, "px4/state")
         self.assertEqual(links[-1].opened, 2, log)
