@@ -1,6 +1,5 @@
 // What the mocap bridge costs: a frame inside the filter, and many bodies of one QTM stream.
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -10,14 +9,11 @@
 #include "../test/qtm_link.h"
 #include "../test/sensor_simulator.h"
 #include "atmos_model/benchmark_row.h"
+#include "atmos_model/steady_clock.h"
 
 namespace {
 
 using namespace atmos;
-
-double now_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // Processor time of this process: what others do on the machine does not count.
 double cpu_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
@@ -32,11 +28,11 @@ void bench_filter() {
   std::vector<double> ms;
   double checksum = 0.0;
   for (const test::Sample& sample : simulator.samples) {
-    const double begin = now_s();
+    const double begin = steady_seconds();
     simulator.feed_commands(filter, sample.frame.stamp_s);
     filter.take_frame(sample.frame);
     checksum += to_odometry(filter.estimate()).twist_covariance.trace();
-    ms.push_back(1e3 * (now_s() - begin));
+    ms.push_back(1e3 * (steady_seconds() - begin));
   }
   std::fprintf(stderr, "bench_mocap: %zu frames, checksum %g\n", ms.size(), checksum);
   print_row("mocap/filter_update", "ms", ms);
@@ -63,7 +59,7 @@ void bench_bodies() {
   }
   const double cpu_begin = cpu_s();
   for (const std::string& bytes : packets) {
-    const double begin = now_s();
+    const double begin = steady_seconds();
     parser.add(bytes.data(), bytes.size());
     if (!qtm::decode_frame(parser.next()->body, frame)) std::abort();
     for (std::size_t i = 0; i < kBodies; ++i) {
@@ -71,7 +67,7 @@ void bench_bodies() {
           qtm::to_pose_frame(frame.bodies[i], test::kStart + 1e-6 * static_cast<double>(frame.timestamp_us)));
       checksum += to_odometry(filters[i]->estimate()).pose_covariance.trace();
     }
-    ms.push_back(1e3 * (now_s() - begin));
+    ms.push_back(1e3 * (steady_seconds() - begin));
   }
   const double share = (cpu_s() - cpu_begin) * kRate_hz / kFrames;
   std::fprintf(stderr, "bench_mocap: %zu bodies, checksum %g\n", kBodies, checksum);

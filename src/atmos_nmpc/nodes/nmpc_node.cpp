@@ -7,7 +7,6 @@
 #include <ros/ros.h>
 #include <ros/steady_timer.h>
 
-#include <chrono>
 #include <deque>
 #include <functional>
 #include <optional>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "atmos_model/odometry_gate.h"
+#include "atmos_model/steady_clock.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_nmpc/controller.h"
@@ -24,10 +24,6 @@ namespace atmos {
 namespace {
 
 constexpr std::uint32_t kQueue = 10000;  // messages: nothing may be lost at many times real time
-
-double steady_seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 class NmpcNode {
  public:

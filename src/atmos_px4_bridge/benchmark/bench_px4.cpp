@@ -2,12 +2,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <string>
 #include <vector>
 
 #include "../test/mavlink/fields.h"
+#include "atmos_model/steady_clock.h"
 #include "atmos_px4_bridge/emulator/pseudo_terminal.h"
 #include "atmos_px4_bridge/link_budget.h"
 #include "atmos_px4_bridge/mavlink/px4.h"
@@ -17,10 +17,7 @@
 namespace {
 
 using namespace atmos::mavlink;
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+using atmos::steady_seconds;
 
 // Encodes, parses and decodes messages of a flight in the proportion in which they are sent.
 void codec_rate() {
@@ -35,7 +32,7 @@ void codec_rate() {
   for (int repeat = 0; repeat < kRepeats; ++repeat) {
     Parser parser;
     std::uint64_t frames = 0;
-    const double begin = seconds();
+    const double begin = steady_seconds();
     for (int i = 0; i < kRounds; ++i) {
       u8 bytes[kPerRound * kMaxFrame];
       std::size_t size = 0;
@@ -53,7 +50,7 @@ void codec_rate() {
         if (const auto m = decode<AttitudeQuaternion>(*frame)) sum += m->q1;
       }
     }
-    rates.push_back(static_cast<double>(frames) / (seconds() - begin));
+    rates.push_back(static_cast<double>(frames) / (steady_seconds() - begin));
   }
   std::sort(rates.begin(), rates.end());
   std::fprintf(stderr, "bench_px4: checksum %g\n", sum);
@@ -94,7 +91,7 @@ void setpoint_to_wire() {
     u8 buffer[4096];
     while (terminal.read(buffer, sizeof(buffer)) > 0) {
     }
-    const double begin = seconds();
+    const double begin = steady_seconds();
     bridge.manager().take_setpoint(setpoint, now);
     Parser parser;
     bool arrived = false;
@@ -102,7 +99,7 @@ void setpoint_to_wire() {
       parser.push(buffer, terminal.read(buffer, sizeof(buffer)));
       while (const auto frame = parser.next()) arrived |= frame->info->id == SetAttitudeTarget::kId;
     }
-    ms.push_back(1e3 * (seconds() - begin));
+    ms.push_back(1e3 * (steady_seconds() - begin));
   }
   print_ms("px4/setpoint_to_wire", ms);
 }
@@ -144,14 +141,14 @@ void time_reply() {
   for (int k = 0; k < 20000; ++k) {
     now += 0.01;
     xrce::Deframer deframer(xrce::kAgentAddress, xrce::kClientAddress);
-    const double begin = seconds();
+    const double begin = steady_seconds();
     terminal.write(request.data(), request.size());
     for (bool arrived = false; !arrived;) {
       while (const std::size_t size = port->read(buffer, sizeof(buffer))) endpoint.receive(buffer, size, now);
       const std::size_t size = terminal.read(buffer, sizeof(buffer));
       for (std::size_t i = 0; i < size; ++i) arrived |= deframer.push(buffer[i]).has_value();
     }
-    ms.push_back(1e3 * (seconds() - begin));
+    ms.push_back(1e3 * (steady_seconds() - begin));
   }
   print_ms("px4/xrce_time_reply", ms);
 }

@@ -1,12 +1,12 @@
 // Wall times of planning. One JSON row per line; an argument names the prefix of the rows wanted.
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "atmos_model/benchmark_row.h"
+#include "atmos_model/steady_clock.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "atmos_stl_planner/diagnosis.h"
 #include "atmos_stl_planner/monitor.h"
@@ -15,22 +15,19 @@
 namespace {
 
 using atmos::print_row;
+using atmos::steady_seconds;
 using namespace atmos::stl;
 
 const std::string kFolder = ATMOS_CONFIG_DIR "/stl/";
 std::string prefix;
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 bool wanted(const std::string& name) {
   return name.compare(0, prefix.size(), prefix) == 0 || prefix.compare(0, name.size(), name) == 0;
 }
 
 Plan plan_of(const Specification& spec, const Past* past = nullptr) {
-  const auto solver = make_choice_search(make_cbc(), seconds);
-  Plan plan = Planner(spec, *solver, seconds).plan(past);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
+  Plan plan = Planner(spec, *solver, steady_seconds).plan(past);
   std::fprintf(stderr, "%s: status %d, robustness %.4f m, first %.3f s, total %.3f s, %s\n",
                spec.name.c_str(), static_cast<int>(plan.status), plan.certificate.robustness_m,
                plan.first_plan_s, plan.total_s, plan.method.c_str());
@@ -105,11 +102,11 @@ void infeasible() {
   spec.clauses.push_back(hurried);
   std::vector<double> values;
   for (int i = 0; i < 5; ++i) {
-    const double begin = seconds();
-    const auto solver = make_choice_search(make_cbc(), seconds);
-    const Plan plan = Planner(spec, *solver, seconds).plan();
-    const Conflict conflict = Diagnosis(spec, *solver, seconds).conflict(20.0);
-    values.push_back(1e3 * (seconds() - begin));
+    const double begin = steady_seconds();
+    const auto solver = make_choice_search(make_cbc(), steady_seconds);
+    const Plan plan = Planner(spec, *solver, steady_seconds).plan();
+    const Conflict conflict = Diagnosis(spec, *solver, steady_seconds).conflict(20.0);
+    values.push_back(1e3 * (steady_seconds() - begin));
     if (plan.status != PlanStatus::kInfeasible || conflict.parts.empty()) std::exit(1);
     for (const std::string& part : conflict.parts) std::fprintf(stderr, "conflict: %s\n", part.c_str());
   }
@@ -125,9 +122,9 @@ void monitoring() {
   for (int k = 0; k <= 9000; ++k) {
     const std::vector<Eigen::Vector2d> p = {plan.motion.at(0, 0.01 * k).p_WB,
                                             plan.motion.at(1, 0.01 * k).p_WB};
-    const double begin = seconds();
+    const double begin = steady_seconds();
     monitor.update(0.01 * k, p);
-    values.push_back(1e3 * (seconds() - begin));
+    values.push_back(1e3 * (steady_seconds() - begin));
   }
   print_row("stl/monitor/update", "ms", values);
 }

@@ -9,6 +9,7 @@
 #include <future>
 #include <optional>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "atmos_stl_planner/diagnosis.h"
@@ -22,10 +23,6 @@ namespace {
 constexpr double kCheck_s = 0.5;       // between two looks at the prediction
 constexpr double kGain_m = 0.01;       // a new plan must be able to bring more than this
 constexpr double kDiagnosis_s = 10.0;  // wall time for saying why there is no plan
-
-double steady_seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 class PlannerNode {
  public:

@@ -2,17 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cstdio>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_stl_planner/choice_search.h"
 
 namespace atmos::stl {
 namespace {
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 Specification room(const std::string& formulas) {
   return parse_specification(
@@ -34,8 +30,8 @@ bool mentions(const std::vector<Relaxation>& relaxations, const std::string& tex
 
 TEST(Diagnosis, NamesTheGuiltyClauseAndTheSmallestRelaxation) {
   const Specification spec = room("      - F[0,20] in(A)\n      - F[0,8] in(B)\n      - G[0,40] x <= 3.5\n");
-  const auto solver = make_choice_search(make_cbc(), seconds);
-  Diagnosis diagnosis(spec, *solver, seconds);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
+  Diagnosis diagnosis(spec, *solver, steady_seconds);
   const Conflict conflict = diagnosis.conflict(10.0);
   EXPECT_TRUE(conflict.minimal);
   EXPECT_EQ(conflict.parts, (std::vector<std::string>{"velocity limit", "F[0,8] R.in(B)"}));
@@ -57,20 +53,20 @@ TEST(Diagnosis, NamesTheGuiltyClauseAndTheSmallestRelaxation) {
 TEST(Diagnosis, AContradictionNeedsNoLimits) {
   const Specification spec =
       room("      - F[10,20] in(A)\n      - F[0,40] in(B)\n      - G[0,40] not in(A)\n");
-  const auto solver = make_choice_search(make_cbc(), seconds);
-  const Conflict conflict = Diagnosis(spec, *solver, seconds).conflict(10.0);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
+  const Conflict conflict = Diagnosis(spec, *solver, steady_seconds).conflict(10.0);
   EXPECT_EQ(conflict.parts, (std::vector<std::string>{"F[10,20] R.in(A)", "G[0,40] not R.in(A)"}));
 }
 
 TEST(Diagnosis, WhatIsPossibleHasNoConflict) {
   const Specification spec = room("      - F[0,40] in(A)\n");
-  const auto solver = make_choice_search(make_cbc(), seconds);
-  EXPECT_TRUE(Diagnosis(spec, *solver, seconds).conflict(10.0).parts.empty());
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
+  EXPECT_TRUE(Diagnosis(spec, *solver, steady_seconds).conflict(10.0).parts.empty());
 }
 
 TEST(Diagnosis, WithoutTimeItSaysThatItIsNotMinimal) {
   const Specification spec = room("      - F[10,20] in(A)\n      - G[0,40] not in(A)\n");
-  const auto solver = make_choice_search(make_cbc(), seconds);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
   // Time passes by itself: half a second at every look at the clock.
   double now = 0.0;
   Diagnosis hurried(spec, *solver, [&now] { return now += 0.5; });

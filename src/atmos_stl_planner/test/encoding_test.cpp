@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include <chrono>
 #include <cstdlib>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "brute_force.h"
 #include "formulas.h"
@@ -14,10 +14,6 @@
 
 namespace atmos::stl {
 namespace {
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 constexpr int kHorizon_s = 4;
 constexpr double kStep_s = 0.25;
@@ -57,7 +53,7 @@ bool encoded(const Pair& pair, double robustness_m) {
   problem.fixed = {{0, &cut}, {1, &cut}};
   problem.planned.assign(2, false);
   const GridEncoding encoding(problem, robustness_m, robustness_m);
-  const auto solver = make_choice_search(make_cbc(), seconds);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
   const MilpResult result = solver->solve(encoding.model(), 20.0);
   if (!result.has_solution()) RC_ASSERT(result.status == MilpStatus::kInfeasible);
   return result.has_solution();
@@ -108,7 +104,8 @@ TEST(ChoiceSearch, AgreesWithBranchAndBoundOnFeasibility) {
     problem.planned.assign(1, true);
     const GridEncoding encoding(problem, robustness, robustness);
     const bool cbc = make_cbc()->solve(encoding.model(), 20.0).has_solution();
-    const bool search = make_choice_search(make_cbc(), seconds)->solve(encoding.model(), 20.0).has_solution();
+    const bool search =
+        make_choice_search(make_cbc(), steady_seconds)->solve(encoding.model(), 20.0).has_solution();
     EXPECT_EQ(cbc, robustness <= 0.25);
     EXPECT_EQ(search, cbc);
   }

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cstdio>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_stl_planner/choice_search.h"
 
 namespace atmos::stl {
@@ -12,13 +12,9 @@ namespace {
 
 const std::string kFolder = ATMOS_CONFIG_DIR "/stl/";
 
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 Plan plan_of(const Specification& spec, const Past* past = nullptr) {
-  const auto solver = make_choice_search(make_cbc(), seconds);
-  const Plan plan = Planner(spec, *solver, seconds).plan(past);
+  const auto solver = make_choice_search(make_cbc(), steady_seconds);
+  const Plan plan = Planner(spec, *solver, steady_seconds).plan(past);
   std::fprintf(stderr, "%s: status %d, robustness %.4f of %.4f m, first after %.3f s, total %.3f s, %s\n",
                spec.name.c_str(), static_cast<int>(plan.status), plan.certificate.robustness_m, plan.bound_m,
                plan.first_plan_s, plan.total_s, plan.method.c_str());
@@ -149,7 +145,8 @@ TEST(Planner, APlanThatWasNotCertifiedIsNeverHandedOut) {
   } liar;
   int published = 0;
   const Specification spec = load_specification(kFolder + "single.yaml");
-  const Plan plan = Planner(spec, liar, seconds).plan(nullptr, [&published](const Plan&) { ++published; });
+  const Plan plan =
+      Planner(spec, liar, steady_seconds).plan(nullptr, [&published](const Plan&) { ++published; });
   EXPECT_EQ(plan.status, PlanStatus::kFailed);
   EXPECT_TRUE(plan.motion.empty());
   EXPECT_EQ(published, 0);

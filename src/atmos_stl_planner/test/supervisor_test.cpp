@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <chrono>
-
+#include "atmos_model/steady_clock.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "atmos_stl_planner/planner.h"
 #include "atmos_stl_planner/trajectory_samples.h"
@@ -11,14 +10,10 @@
 namespace atmos::stl {
 namespace {
 
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 struct Flight {
   Specification spec = load_specification(ATMOS_CONFIG_DIR "/stl/single.yaml");
-  std::unique_ptr<MilpSolver> solver = make_choice_search(make_cbc(), seconds);
-  Plan plan = Planner(spec, *solver, seconds).plan();
+  std::unique_ptr<MilpSolver> solver = make_choice_search(make_cbc(), steady_seconds);
+  Plan plan = Planner(spec, *solver, steady_seconds).plan();
 };
 
 TEST(Supervisor, PredictsThePlansRobustnessWhileItIsFollowed) {
@@ -45,7 +40,7 @@ TEST(Supervisor, ANewPlanFromTheWayRestoresRobustness) {
   const std::optional<Past> past = supervisor.past_at(26.0);
   ASSERT_TRUE(past);
   EXPECT_NEAR(past->motion.end_s(), 26.0, 1e-9);
-  const Plan again = Planner(flight.spec, *flight.solver, seconds).plan(&*past);
+  const Plan again = Planner(flight.spec, *flight.solver, steady_seconds).plan(&*past);
   ASSERT_EQ(again.status, PlanStatus::kPlanned);
   EXPECT_GT(again.certificate.robustness_m, 0.1);
   supervisor.follow(again.motion);

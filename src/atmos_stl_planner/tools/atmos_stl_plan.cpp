@@ -1,10 +1,10 @@
 // Plans a specification and prints the certificate; without a plan, why there is none and what would help.
 // Exit code 0: certified plan; 1: none; 2: bad specification or arguments.
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
 #include <fstream>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_model/strict_yaml.h"
 #include "atmos_stl_planner/choice_search.h"
 #include "atmos_stl_planner/diagnosis.h"
@@ -14,10 +14,7 @@
 namespace {
 
 using namespace atmos::stl;
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+using atmos::steady_seconds;
 
 void print(const Specification& spec, const Plan& plan) {
   std::printf("%s: certified, robustness %.6f m of at most %.6f m (%s)\n", spec.name.c_str(),
@@ -75,8 +72,8 @@ int main(int argc, char** argv) {
   try {
     Specification spec = load_specification(path);
     if (limit_s > 0.0) spec.planner.time_limit_s = limit_s;
-    const auto solver = make_choice_search(make_cbc(), seconds);
-    const Plan plan = Planner(spec, *solver, seconds).plan();
+    const auto solver = make_choice_search(make_cbc(), steady_seconds);
+    const Plan plan = Planner(spec, *solver, steady_seconds).plan();
     if (plan.status == PlanStatus::kPlanned) {
       print(spec, plan);
       if (csv.empty() || write(spec, plan, csv, period_s)) return 0;
@@ -89,7 +86,7 @@ int main(int argc, char** argv) {
       if (!plan.method.empty()) std::fprintf(stderr, "%s\n", plan.method.c_str());
       return 1;
     }
-    Diagnosis diagnosis(spec, *solver, seconds);
+    Diagnosis diagnosis(spec, *solver, steady_seconds);
     const Conflict conflict = diagnosis.conflict(diagnosis_s);
     std::fprintf(stderr,
                  "%s: no plan with robustness of at least %.3f m exists on the time grids asked for\n",
