@@ -72,9 +72,7 @@ void bench_bodies() {
   const double share = (cpu_s() - cpu_begin) * kRate_hz / kFrames;
   std::fprintf(stderr, "bench_mocap: %zu bodies, checksum %g\n", kBodies, checksum);
   print_row("mocap/qtm_50_bodies/frame", "ms", ms);
-  std::printf(
-      "{\"name\": \"mocap/qtm_50_bodies_300hz/core_share\", \"unit\": \"1\", \"value\": %.4g, \"n\": %d}\n",
-      share, kFrames);
+  print_row("mocap/qtm_50_bodies_300hz/core_share", "1", share);
 }
 
 }  // namespace

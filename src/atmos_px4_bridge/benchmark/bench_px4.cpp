@@ -1,12 +1,12 @@
 // What the link costs: encoding and decoding the traffic of a flight, and the share of the line it takes.
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <string>
 #include <vector>
 
 #include "../test/mavlink/fields.h"
+#include "atmos_model/benchmark_row.h"
 #include "atmos_model/steady_clock.h"
 #include "atmos_px4_bridge/emulator/pseudo_terminal.h"
 #include "atmos_px4_bridge/link_budget.h"
@@ -17,6 +17,7 @@
 namespace {
 
 using namespace atmos::mavlink;
+using atmos::print_row;
 using atmos::steady_seconds;
 
 // Encodes, parses and decodes messages of a flight in the proportion in which they are sent.
@@ -52,17 +53,8 @@ void codec_rate() {
     }
     rates.push_back(static_cast<double>(frames) / (steady_seconds() - begin));
   }
-  std::sort(rates.begin(), rates.end());
   std::fprintf(stderr, "bench_px4: checksum %g\n", sum);
-  std::printf("{\"name\": \"px4/codec_messages_per_s\", \"unit\": \"1/s\", \"median\": %.6g, \"n\": %d}\n",
-              rates[rates.size() / 2], kRounds * kPerRound);
-}
-
-void print_ms(const char* name, std::vector<double>& ms) {
-  std::sort(ms.begin(), ms.end());
-  std::printf(
-      "{\"name\": \"%s\", \"unit\": \"ms\", \"median\": %.6g, \"p99\": %.6g, \"max\": %.6g, \"n\": %zu}\n",
-      name, ms[ms.size() / 2], ms[ms.size() * 99 / 100], ms.back(), ms.size());
+  print_row("px4/codec_messages_per_s", "1/s", rates);
 }
 
 // From a set-point handed to the bridge to its last byte at the other end of a serial device (a
@@ -101,7 +93,7 @@ void setpoint_to_wire() {
     }
     ms.push_back(1e3 * (steady_seconds() - begin));
   }
-  print_ms("px4/setpoint_to_wire", ms);
+  print_row("px4/setpoint_to_wire", "ms", ms);
 }
 
 // The share of the line, computed from the message tables.
@@ -109,15 +101,15 @@ void budget() {
   for (const bool mavlink : {true, false}) {
     const auto rows =
         mavlink ? atmos::mavlink_traffic() : atmos::xrce_traffic(atmos::xrce::Firmware::kPx4Space);
-    const char* const name = mavlink ? "line_share" : "xrce_line_share";
+    const std::string name = mavlink ? "px4/line_share/" : "px4/xrce_line_share/";
     for (const auto& row : rows)
       std::fprintf(stderr, "  %-24s %s %4.0f B x %5.1f Hz = %7.1f B/s\n", row.message.c_str(),
                    row.to_autopilot ? "to the autopilot" : "from it         ", row.bytes, row.rate_hz,
                    row.bytes * row.rate_hz);
-    for (const double baud : {57600.0, 115200.0, 460800.0, 921600.0}) {
+    for (const int baud : {57600, 115200, 460800, 921600}) {
       for (const bool to : {true, false})
-        std::printf("{\"name\": \"px4/%s/%.0f/%s\", \"unit\": \"1\", \"value\": %.4g}\n", name, baud,
-                    to ? "to_autopilot" : "from_autopilot", atmos::line_share(rows, to, baud));
+        print_row(name + std::to_string(baud) + (to ? "/to_autopilot" : "/from_autopilot"), "1",
+                  atmos::line_share(rows, to, baud));
     }
   }
 }
@@ -150,7 +142,7 @@ void time_reply() {
     }
     ms.push_back(1e3 * (steady_seconds() - begin));
   }
-  print_ms("px4/xrce_time_reply", ms);
+  print_row("px4/xrce_time_reply", "ms", ms);
 }
 
 }  // namespace

@@ -8,6 +8,11 @@
 
 namespace atmos {
 
+inline void print_row(const std::string& name, const char* unit, double value) {
+  std::printf("{\"name\": \"%s\", \"unit\": \"%s\", \"value\": %.6g}\n", name.c_str(), unit, value);
+  std::fflush(stdout);
+}
+
 // Prints median, 99th percentile and largest of at least one value.
 inline void print_row(const std::string& name, const char* unit, std::vector<double> values) {
   std::sort(values.begin(), values.end());
