@@ -1,6 +1,7 @@
 // rviz with the shipped configuration, as the operator has it: buttons are clicked, and what arrives at
-// bridge, autopilot and set-point player is checked.
+// bridge, autopilot, set-point player and distance monitor is checked.
 #include <atmos_msgs/AutopilotState.h>
+#include <atmos_msgs/DistanceMonitorStatus.h>
 #include <atmos_msgs/SupervisorStatus.h>
 #include <atmos_msgs/ThrusterCommand.h>
 #include <geometry_msgs/PoseStamped.h>
@@ -17,6 +18,7 @@
 #include <rviz/visualization_frame.h>
 #include <rviz/visualization_manager.h>
 #include <std_msgs/String.h>
+#include <trajectory_msgs/MultiDOFJointTrajectory.h>
 
 #include <QApplication>
 #include <QComboBox>
@@ -38,7 +40,9 @@ namespace {
 using atmos_msgs::SupervisorStatus;
 
 constexpr int kLimit_ms = 20000;
+constexpr int kRepeat_ms = 1000;                   // a hold is told again
 constexpr double kX = 0.4, kY = -0.2, kYaw = 0.3;  // where the robot stands
+constexpr double kOtherX = 1.4;                    // where another one stands, beside it
 
 // One rviz for all tests: it takes seconds to start.
 rviz::VisualizationFrame* frame = nullptr;
@@ -48,12 +52,15 @@ class Panel : public ::testing::Test {
   Panel() : node_("/atmos") {
     odometry_ = node_.advertise<nav_msgs::Odometry>("odometry", 10);
     truth_ = node_.advertise<nav_msgs::Odometry>("sim/truth", 10);
+    other_ = node_.advertise<nav_msgs::Odometry>("/other/odometry", 10);
     wrench_ = node_.advertise<geometry_msgs::WrenchStamped>("nmpc/wrench", 10);
     keep("px4/state", state_);
     keep("px4/supervisor", supervisor_);
     keep("valves", valves_);
     keep("setpoint", set_point_);
     keep("setpoint_player/state", mission_);
+    keep("/distance_monitor/status", distance_);
+    keep("trajectory", trajectory_);
     EXPECT_TRUE(until([&] { return state_.connected; })) << "no link";
     EXPECT_TRUE(until([&] { return widget<QComboBox>("robot")->currentText() == "atmos"; }))
         << "no robot found";
@@ -65,20 +72,14 @@ class Panel : public ::testing::Test {
     subscribers_.push_back(node_.subscribe<Message>(topic, 100, take));
   }
 
-  // Serves rviz and ROS, with a robot that stands still and a controller that pushes, until `done`.
+  // Serves rviz and ROS, with robots that stand still and a controller that pushes, until `done`.
   bool until(const std::function<bool()>& done) {
     QElapsedTimer timer;
     timer.start();
     for (int k = 0; !done() && timer.elapsed() < kLimit_ms; ++k) {
-      nav_msgs::Odometry odometry;
-      odometry.header.stamp = ros::Time::now();
-      odometry.header.frame_id = "world";
-      odometry.child_frame_id = "atmos/base_link";
-      odometry.pose.pose.position.x = kX;
-      odometry.pose.pose.position.y = kY;
-      odometry.pose.pose.orientation.z = std::sin(0.5 * kYaw);
-      odometry.pose.pose.orientation.w = std::cos(0.5 * kYaw);
+      const nav_msgs::Odometry odometry = odometry_of("atmos", kX);
       odometry_.publish(odometry);
+      other_.publish(odometry_of("other", kOtherX));
       truth_.publish(odometry);
       if (k % 8 == 0) {
         geometry_msgs::WrenchStamped wrench;
@@ -90,6 +91,19 @@ class Panel : public ::testing::Test {
       ros::spinOnce();
     }
     return done();
+  }
+
+  // Of a robot at rest.
+  static nav_msgs::Odometry odometry_of(const std::string& robot, double x) {
+    nav_msgs::Odometry odometry;
+    odometry.header.stamp = ros::Time::now();
+    odometry.header.frame_id = "world";
+    odometry.child_frame_id = robot + "/base_link";
+    odometry.pose.pose.position.x = x;
+    odometry.pose.pose.position.y = kY;
+    odometry.pose.pose.orientation.z = std::sin(0.5 * kYaw);
+    odometry.pose.pose.orientation.w = std::cos(0.5 * kYaw);
+    return odometry;
   }
 
   template <class Widget>
@@ -114,6 +128,11 @@ class Panel : public ::testing::Test {
   }
   double widest() const {
     return valves_.duty.empty() ? -1.0 : *std::max_element(valves_.duty.begin(), valves_.duty.end());
+  }
+  // Whether the distance monitor sees both robots, and holds both or none.
+  bool both(bool held) const {
+    return distance_.held.size() == 2 && distance_.held[0] == held && distance_.held[1] == held &&
+           std::isfinite(distance_.distance[0]);
   }
   bool flying() const { return supervisor_.state == SupervisorStatus::FLYING && state_.armed; }
 
@@ -141,13 +160,15 @@ class Panel : public ::testing::Test {
   }
 
   ros::NodeHandle node_;
-  ros::Publisher odometry_, truth_, wrench_;
+  ros::Publisher odometry_, truth_, other_, wrench_;
   std::vector<ros::Subscriber> subscribers_;
   atmos_msgs::AutopilotState state_;
   SupervisorStatus supervisor_;
   atmos_msgs::ThrusterCommand valves_;
   geometry_msgs::PoseStamped set_point_;
   std_msgs::String mission_;
+  atmos_msgs::DistanceMonitorStatus distance_;
+  trajectory_msgs::MultiDOFJointTrajectory trajectory_;
 };
 
 TEST_F(Panel, EveryPluginOfTheConfigurationIsLoaded) {
@@ -231,9 +252,33 @@ TEST_F(Panel, StartsAndStopsTheMission) {
   EXPECT_NEAR(set_yaw(), kYaw, 1e-6);
 }
 
+// What the monitor held when another robot came too fast goes on only after the click.
+TEST_F(Panel, ReleasesTheHoldOfTheDistanceMonitor) {
+  ASSERT_TRUE(until([&] { return both(false) && other_.getNumSubscribers() > 0; }))
+      << "the monitor does not see both";
+  EXPECT_FALSE(widget<QPushButton>("release_hold")->isEnabled());
+
+  nav_msgs::Odometry approach = odometry_of("other", kOtherX);
+  approach.twist.twist.linear.x = -0.5 * std::cos(kYaw);
+  approach.twist.twist.linear.y = 0.5 * std::sin(kYaw);
+  other_.publish(approach);
+  ASSERT_TRUE(until([&] { return both(true); })) << "they would have touched";
+  EXPECT_TRUE(shows("held: "));
+  EXPECT_TRUE(until([&] { return !trajectory_.points.empty(); })) << "it is not told to stay";
+
+  click("release_hold");
+  EXPECT_TRUE(until([&] { return both(false); })) << distance_.reason;
+  EXPECT_TRUE(until([&] { return !widget<QPushButton>("release_hold")->isEnabled(); }));
+  trajectory_ = {};
+  QElapsedTimer quiet;
+  quiet.start();
+  EXPECT_TRUE(until([&] { return quiet.elapsed() > 2 * kRepeat_ms; }));
+  EXPECT_TRUE(trajectory_.points.empty()) << "released, and yet told to stay";
+}
+
 TEST_F(Panel, SetsAPointOnTheMap) {
-  ASSERT_TRUE(until([&] { return odometry_.getNumSubscribers() >= 4; }))
-      << "bridge, player, display or tool does not listen";
+  ASSERT_TRUE(until([&] { return odometry_.getNumSubscribers() >= 5; }))
+      << "bridge, player, monitor, display or tool does not listen";
   QTest::qWait(200);
   set_point_ = {};
   drag(80, 0);
