@@ -1,9 +1,7 @@
 #include "atmos_sim2real/likelihood.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <thread>
 
 namespace atmos {
 
@@ -13,12 +11,13 @@ Eigen::VectorXd innovations(const Flight& flight, const ForceIntegrals& forces, 
   Eigen::VectorXd all(kAxes * n);
   double sum = 0.0;
   const auto whiteners = flight.whiteners(noise);
-  for (int axis = 0; axis < kAxes; ++axis) {
-    const Whitener& whitener = (*whiteners)[static_cast<std::size_t>(axis)];
-    whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(),
-                    all.data() + axis * n);
-    sum += whitener.log_determinant();
+  std::array<Whitener::Track, kAxes> tracks;
+  for (std::size_t axis = 0; axis < kAxes; ++axis) {
+    tracks[axis] = {forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(),
+                    all.data() + static_cast<Eigen::Index>(axis) * n};
+    sum += (*whiteners)[axis].log_determinant();
   }
+  Whitener::whiten(*whiteners, tracks);
   if (log_determinant != nullptr) *log_determinant = sum;
   return all;
 }
@@ -49,28 +48,102 @@ NoiseModel initial_noise(const std::vector<Flight>& flights) {
   return noise;
 }
 
+namespace {
+
+// One axis under a trial noise.
+struct Trial {
+  NoiseModel noise;
+  int axis;
+};
+
+constexpr int kLanes = 4;
+using Lanes = Eigen::Array<double, kLanes, 1>;
+
+// Log likelihoods of one flight under up to kLanes trials, side by side: each is a chain of operations that
+// wait for one another. The trials' correlation time and length are those of `transitions`.
+void score(const Flight& flight, const ForceIntegrals& forces, const std::vector<Transition>& transitions,
+           const Trial* trials, int count, double* scores) {
+  Lanes mocap, slow, distortion, scatter;
+  const double *measured[kLanes], *dv[kLanes], *dp[kLanes], *variance[kLanes];
+  for (int k = 0; k < kLanes; ++k) {
+    const Trial& trial = trials[std::min(k, count - 1)];
+    const int axis = trial.axis;
+    mocap[k] = trial.noise.mocap[axis];
+    slow[k] = trial.noise.slow[axis];
+    distortion[k] = trial.noise.distortion[axis];
+    scatter[k] = trial.noise.scatter;
+    measured[k] = forces.measured[axis].data();
+    dv[k] = forces.dv[axis].data();
+    dp[k] = forces.dp[axis].data();
+    variance[k] = flight.scatter_variance()[axis].data();
+  }
+  const auto at = [](const double* const* tracks, std::size_t i) {
+    return Lanes(tracks[0][i], tracks[1][i], tracks[2][i], tracks[3][i]);
+  };
+  CovarianceOf<Lanes> covariance(mocap, slow, distortion, scatter);
+  const Lanes none = Lanes::Zero();
+  Lanes p = at(measured, 0), v = none, d = none, b = none, squares = none, log_determinant = none;
+  Lanes product = Lanes::Ones();  // of a few variances: one logarithm for all of them
+  const std::size_t n = flight.frames();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Lanes e = at(measured, i) - p - b;
+    if (i >= static_cast<std::size_t>(Whitener::kBurnIn)) {
+      const Lanes shown = covariance.shown_variance();
+      product *= shown;
+      squares += e * e / shown;
+    }
+    if (i % 16 == 0 || i + 1 == n) {
+      log_determinant += product.log();
+      product = Lanes::Ones();
+    }
+    const std::array<Lanes, 4> gain = covariance.see();
+    const Transition& to = transitions[i];
+    covariance.advance(to, at(variance, i));
+    v += gain[1] * e;
+    d += gain[2] * e;
+    p += gain[0] * e + v * to.dt + d * to.slow_to_p + at(dp, i);
+    v += d * to.slow_to_v + at(dv, i);
+    d *= to.slow_decay;
+    b = (b + gain[3] * e) * to.distortion_decay;
+  }
+  for (int k = 0; k < count; ++k) scores[k] = -0.5 * (squares[k] + log_determinant[k]);
+}
+
+}  // namespace
+
 NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<ForceIntegrals>& forces,
                      NoiseModel start, bool thorough) {
-  const auto axis_score = [&](const NoiseModel& noise, int first, int last) {
-    std::vector<double> sums(flights.size() * kAxes, 0.0);
-    in_parallel(flights.size() * kAxes, [&](std::size_t job) {
-      const std::size_t f = job / kAxes;
-      const int axis = static_cast<int>(job % kAxes);
-      if (axis < first || axis > last) return;
-      const Flight& flight = flights[f];
-      const Whitener whitener(flight.times(), flight.scatter_variance()[axis], flight.travel(), noise,
-                              static_cast<Axis>(axis));
-      Eigen::VectorXd e(static_cast<Eigen::Index>(flight.frames()));
-      whitener.whiten(forces[f].measured[axis].data(), forces[f].dv[axis].data(), forces[f].dp[axis].data(),
-                      e.data());
-      sums[job] = log_likelihood(e, whitener.log_determinant());
+  std::vector<std::vector<Transition>> transitions(flights.size());
+  for (std::size_t f = 0; f < flights.size(); ++f) {
+    const std::vector<double>& times = flights[f].times();
+    for (std::size_t i = 0; i < times.size(); ++i)
+      transitions[f].emplace_back(start, i + 1 < times.size() ? times[i + 1] - times[i] : 0.0,
+                                  flights[f].travel()[i]);
+  }
+  // Of every noise and each of the axes `first` to `last`, the sum over the flights.
+  using AxisScores = std::array<double, kAxes>;
+  const auto scores_of = [&](const std::vector<NoiseModel>& noises, int first, int last) {
+    std::vector<Trial> trials;
+    for (const NoiseModel& noise : noises) {
+      for (int axis = first; axis <= last; ++axis) trials.push_back({noise, axis});
+    }
+    const std::size_t chunks = (trials.size() + kLanes - 1) / kLanes;
+    std::vector<double> each(flights.size() * trials.size());
+    in_parallel(flights.size() * chunks, [&](std::size_t job) {
+      const std::size_t f = job / chunks, begin = job % chunks * kLanes;
+      score(flights[f], forces[f], transitions[f], &trials[begin],
+            static_cast<int>(std::min<std::size_t>(kLanes, trials.size() - begin)),
+            &each[f * trials.size() + begin]);
     });
-    double total = 0.0;
-    for (const double sum : sums) total += sum;
-    return total;
+    std::vector<AxisScores> sums(noises.size(), AxisScores{});
+    for (std::size_t k = 0; k < each.size(); ++k) {
+      const std::size_t trial = k % trials.size();
+      sums[trial * noises.size() / trials.size()][static_cast<std::size_t>(trials[trial].axis)] += each[k];
+    }
+    return sums;
   };
 
-  // Each level is scaled up and down by a factor that shrinks; translation and yaw have levels of their own.
+  // Each level is scaled up or down by a factor that shrinks; translation and yaw have levels of their own.
   NoiseModel best = start;
   struct Level {
     std::function<void(NoiseModel&, double)> scale;
@@ -100,42 +173,37 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
        kX, kY},
       {[&](NoiseModel& n, double f) { clamp(n.distortion[kYaw], f, 1e-6, 0.05); }, kYaw, kYaw},
   };
+  constexpr double kBetter = 1e-6;  // nats
+  AxisScores scores = scores_of({best}, kX, kYaw).front();
+  // Moves there if the axes of the level gain by it.
+  const auto take_better = [&](const Level& level, const NoiseModel& trial, const AxisScores& trial_scores) {
+    double gain = 0.0;
+    for (int axis = level.first; axis <= level.last; ++axis) gain += trial_scores[axis] - scores[axis];
+    if (gain <= kBetter) return false;
+    best = trial;
+    std::copy(&trial_scores[level.first], &trial_scores[level.last] + 1, &scores[level.first]);
+    return true;
+  };
   const std::vector<double> factors =
       thorough ? std::vector<double>{4.0, 2.0, 1.4, 1.15} : std::vector<double>{2.0, 1.25};
   for (const double factor : factors) {
     for (int round = 0; round < (thorough ? 2 : 1); ++round) {
       for (const Level& level : levels) {
-        double score = axis_score(best, level.first, level.last);
-        for (const double f : {factor, 1.0 / factor}) {
-          for (int repeat = 0; repeat < 6; ++repeat) {
-            NoiseModel trial = best;
-            level.scale(trial, f);
-            const double trial_score = axis_score(trial, level.first, level.last);
-            if (trial_score <= score + 1e-6) break;
-            best = trial;
-            score = trial_score;
-          }
+        std::vector<NoiseModel> ways{best, best};
+        level.scale(ways[0], factor);
+        level.scale(ways[1], 1.0 / factor);
+        const std::vector<AxisScores> found = scores_of(ways, level.first, level.last);
+        const bool up = take_better(level, ways[0], found[0]);
+        bool better = up || take_better(level, ways[1], found[1]);
+        for (int repeat = 1; repeat < 6 && better; ++repeat) {
+          NoiseModel further = best;
+          level.scale(further, up ? factor : 1.0 / factor);
+          better = take_better(level, further, scores_of({further}, level.first, level.last).front());
         }
       }
     }
   }
   return best;
-}
-
-void in_parallel(std::size_t count, const std::function<void(std::size_t)>& work) {
-  const std::size_t workers = std::min<std::size_t>(count, std::max(1u, std::thread::hardware_concurrency()));
-  if (workers <= 1) {
-    for (std::size_t i = 0; i < count; ++i) work(i);
-    return;
-  }
-  std::atomic<std::size_t> next{0};
-  std::vector<std::thread> threads;
-  for (std::size_t w = 0; w < workers; ++w) {
-    threads.emplace_back([&] {
-      for (std::size_t i = next++; i < count; i = next++) work(i);
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
 }
 
 }  // namespace atmos

@@ -23,55 +23,6 @@ Transition::Transition(const NoiseModel& noise, double step_s, double travel_m) 
   distortion_decay = 1.0 - lost_share(travel_m / noise.distortion_length_m);
 }
 
-AxisCovariance::AxisCovariance(const NoiseModel& noise, Axis axis)
-    : mocap2_(noise.mocap[axis] * noise.mocap[axis]),
-      slow2_(noise.slow[axis] * noise.slow[axis]),
-      distortion2_(noise.distortion[axis] * noise.distortion[axis]),
-      scatter2_(noise.scatter * noise.scatter),
-      aa_(slow2_),
-      bb_(distortion2_) {}
-
-std::array<double, 4> AxisCovariance::see() {
-  const double p = pp_ + pb_, v = pv_ + vb_, a = pa_ + ab_, b = pb_ + bb_;
-  const double s = 1.0 / (p + b + mocap2_);
-  pp_ -= s * p * p;
-  pv_ -= s * p * v;
-  pa_ -= s * p * a;
-  pb_ -= s * p * b;
-  vv_ -= s * v * v;
-  va_ -= s * v * a;
-  vb_ -= s * v * b;
-  aa_ -= s * a * a;
-  ab_ -= s * a * b;
-  bb_ -= s * b * b;
-  return {s * p, s * v, s * a, s * b};
-}
-
-void AxisCovariance::advance(const Transition& to, double scatter_variance) {
-  // Scatter enters as white acceleration; the floor under it keeps the filter from believing itself without
-  // limit.
-  const double dt = to.dt, decay = to.slow_decay, keep = to.distortion_decay;
-  const double q = scatter2_ * scatter_variance + 1e-12 * dt;
-  const double pp = pp_ + dt * pv_ + to.slow_to_p * pa_, pv = pv_ + dt * vv_ + to.slow_to_p * va_;
-  const double pa = pa_ + dt * va_ + to.slow_to_p * aa_, pb = pb_ + dt * vb_ + to.slow_to_p * ab_;
-  const double vv = vv_ + to.slow_to_v * va_, va = va_ + to.slow_to_v * aa_, vb = vb_ + to.slow_to_v * ab_;
-  pp_ = pp + dt * pv + to.slow_to_p * pa + q * dt * dt / 3.0;
-  pv_ = pv + to.slow_to_v * pa + q * dt / 2.0;
-  pa_ = decay * pa;
-  pb_ = keep * pb;
-  vv_ = vv + to.slow_to_v * va + q;
-  va_ = decay * va;
-  vb_ = keep * vb;
-  aa_ = decay * decay * aa_ + slow2_ * (1.0 - decay * decay);
-  ab_ *= decay * keep;
-  bb_ = keep * keep * bb_ + distortion2_ * (1.0 - keep * keep);
-}
-
-void AxisCovariance::forget_what_predictions_leave_out() {
-  aa_ = slow2_;
-  bb_ = distortion2_;
-}
-
 Whitener::Whitener(const std::vector<double>& times, const std::vector<double>& scatter_variance,
                    const std::vector<double>& travel, const NoiseModel& noise, Axis axis) {
   const std::size_t n = times.size();
@@ -117,6 +68,52 @@ void Whitener::run(const double* measured, const double* dv, const double* dp, d
 
 void Whitener::whiten(const double* measured, const double* dv, const double* dp, double* innovations) const {
   run(measured, dv, dp, innovations, [](std::size_t, double, double) {});
+}
+
+template <std::size_t N>
+void Whitener::run_together(const std::array<const Whitener*, N>& axes, const std::array<Track, N>& tracks,
+                            std::size_t first) {
+  std::array<double, N> p, v{}, d{}, b{};
+  for (std::size_t k = 0; k < N; ++k) p[k] = first == 0 ? tracks[k].measured[0] : 0.0;
+  const std::size_t n = axes[0]->step_.size();
+  for (std::size_t i = first; i < n; ++i) {
+    for (std::size_t k = 0; k < N; ++k) {
+      const Step& step = axes[k]->step_[i];
+      const Track& track = tracks[k];
+      const double e = track.measured[i] - p[k] - b[k];
+      track.innovations[i] = e * step.inverse_deviation;
+      const double after = v[k] + step.gain[1] * e, slow = d[k] + step.gain[2] * e;
+      p[k] += step.gain[0] * e + after * step.to_next.dt + slow * step.to_next.slow_to_p + track.dp[i];
+      v[k] = after + slow * step.to_next.slow_to_v + track.dv[i];
+      d[k] = slow * step.to_next.slow_decay;
+      b[k] = (b[k] + step.gain[3] * e) * step.to_next.distortion_decay;
+    }
+  }
+}
+
+void Whitener::whiten(const std::vector<Whitener>& axes, const std::array<Track, kAxes>& tracks) {
+  const std::size_t n = axes.front().step_.size();
+  // Nothing is to be done before the first movement, nor for an axis without any.
+  std::array<const Whitener*, kAxes> moving{};
+  std::array<Track, kAxes> moved;
+  std::size_t count = 0, first = n;
+  for (std::size_t axis = 0; axis < kAxes; ++axis) {
+    const Track& track = tracks[axis];
+    std::size_t begin = 0;
+    while (begin < n && track.measured[begin] == 0.0 && track.dv[begin] == 0.0 && track.dp[begin] == 0.0)
+      ++begin;
+    first = std::min(first, begin);
+    if (begin == n) {
+      std::fill(track.innovations, track.innovations + n, 0.0);
+      continue;
+    }
+    moving[count] = &axes[axis];
+    moved[count++] = track;
+  }
+  for (std::size_t k = 0; k < count; ++k) std::fill(moved[k].innovations, moved[k].innovations + first, 0.0);
+  if (count == 3) run_together<3>(moving, moved, first);
+  if (count == 2) run_together<2>({moving[0], moving[1]}, {moved[0], moved[1]}, first);
+  if (count == 1) run_together<1>({moving[0]}, {moved[0]}, first);
 }
 
 void Whitener::filter(const double* measured, const double* dv, const double* dp, double* innovations,

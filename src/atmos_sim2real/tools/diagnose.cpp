@@ -160,7 +160,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   // Columns come and go by the thousand: their memory is kept instead of asked for anew each time.
-  mallopt(M_MMAP_THRESHOLD, 64 << 20);
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   return with_clear_errors([&] { run(arguments); });
 }

@@ -25,7 +25,8 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
 // White noise of the frames out of third differences, robustly.
 NoiseModel initial_noise(const std::vector<Flight>& flights);
 
-// Calls work(i) for i in [0, count) on the machine's cores.
+// Calls work(i) for i in [0, count) on the machine's cores; called from within such work, on the same core.
+// Rethrows what one of them throws.
 void in_parallel(std::size_t count, const std::function<void(std::size_t)>& work);
 
 }  // namespace atmos

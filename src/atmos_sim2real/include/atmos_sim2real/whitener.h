@@ -35,26 +35,84 @@ struct Transition {
   Transition(const NoiseModel& noise, double dt, double travel_m);
 };
 
-// Covariance of one axis' error in [position, velocity, slow acceleration, distortion].
-class AxisCovariance {
+// Covariance of one axis' error in [position, velocity, slow acceleration, distortion]; of several axes side
+// by side where S is an array.
+template <class S>
+class CovarianceOf {
  public:
   // Nothing is known of position and velocity: far wider than anything a recording can show.
-  AxisCovariance(const NoiseModel& noise, Axis axis);
+  CovarianceOf(const S& mocap, const S& slow, const S& distortion, const S& scatter)
+      : mocap2_(mocap * mocap),
+        slow2_(slow * slow),
+        distortion2_(distortion * distortion),
+        scatter2_(scatter * scatter),
+        pp_(0.0 * mocap + 1e2),
+        pv_(0.0 * mocap),
+        pa_(pv_),
+        pb_(pv_),
+        vv_(0.0 * mocap + 1e1),
+        va_(pv_),
+        vb_(pv_),
+        aa_(slow2_),
+        ab_(pv_),
+        bb_(distortion2_) {}
 
   // Variance of what a frame shows.
-  double shown_variance() const { return pp_ + 2.0 * pb_ + bb_ + mocap2_; }
+  S shown_variance() const { return pp_ + 2.0 * pb_ + bb_ + mocap2_; }
+
   // Takes a frame into account; the gains of the four states.
-  std::array<double, 4> see();
-  // `scatter_variance`: of the velocity change meanwhile for scatter 1.
-  void advance(const Transition& transition, double scatter_variance);
+  std::array<S, 4> see() {
+    const S p = pp_ + pb_, v = pv_ + vb_, a = pa_ + ab_, b = pb_ + bb_;
+    const S s = 1.0 / (p + b + mocap2_);
+    pp_ -= s * p * p;
+    pv_ -= s * p * v;
+    pa_ -= s * p * a;
+    pb_ -= s * p * b;
+    vv_ -= s * v * v;
+    va_ -= s * v * a;
+    vb_ -= s * v * b;
+    aa_ -= s * a * a;
+    ab_ -= s * a * b;
+    bb_ -= s * b * b;
+    return {s * p, s * v, s * a, s * b};
+  }
+
+  // `scatter_variance`: of the velocity change meanwhile for scatter 1. Scatter enters as white acceleration;
+  // the floor under it keeps the filter from believing itself without limit.
+  void advance(const Transition& to, const S& scatter_variance) {
+    const double dt = to.dt, decay = to.slow_decay, keep = to.distortion_decay;
+    const S q = scatter2_ * scatter_variance + 1e-12 * dt;
+    const S pp = pp_ + dt * pv_ + to.slow_to_p * pa_, pv = pv_ + dt * vv_ + to.slow_to_p * va_;
+    const S pa = pa_ + dt * va_ + to.slow_to_p * aa_, pb = pb_ + dt * vb_ + to.slow_to_p * ab_;
+    const S vv = vv_ + to.slow_to_v * va_, va = va_ + to.slow_to_v * aa_, vb = vb_ + to.slow_to_v * ab_;
+    pp_ = pp + dt * pv + to.slow_to_p * pa + q * (dt * dt / 3.0);
+    pv_ = pv + to.slow_to_v * pa + q * (dt / 2.0);
+    pa_ = decay * pa;
+    pb_ = keep * pb;
+    vv_ = vv + to.slow_to_v * va + q;
+    va_ = decay * va;
+    vb_ = keep * vb;
+    aa_ = decay * decay * aa_ + slow2_ * (1.0 - decay * decay);
+    ab_ *= decay * keep;
+    bb_ = keep * keep * bb_ + distortion2_ * (1.0 - keep * keep);
+  }
+
   // A prediction knows position and velocity of its start, but takes no slow force and no distortion into
   // account: those stay at their prior. An optimal estimate is uncorrelated with its own error, so that the
   // cross covariances stay.
-  void forget_what_predictions_leave_out();
+  void forget_what_predictions_leave_out() {
+    aa_ = slow2_;
+    bb_ = distortion2_;
+  }
 
  private:
-  double mocap2_, slow2_, distortion2_, scatter2_;
-  double pp_ = 1e2, pv_ = 0, pa_ = 0, pb_ = 0, vv_ = 1e1, va_ = 0, vb_ = 0, aa_, ab_ = 0, bb_;
+  S mocap2_, slow2_, distortion2_, scatter2_;
+  S pp_, pv_, pa_, pb_, vv_, va_, vb_, aa_, ab_, bb_;
+};
+
+struct AxisCovariance : CovarianceOf<double> {
+  AxisCovariance(const NoiseModel& noise, Axis axis)
+      : CovarianceOf(noise.mocap[axis], noise.slow[axis], noise.distortion[axis], noise.scatter) {}
 };
 
 // The gains of one axis of one recording: they depend on the frame times, the pulses and the noise alone, so
@@ -71,6 +129,13 @@ class Whitener {
   // force adds to velocity and position between frames i and i + 1 (starting from rest there). Linear in the
   // three together.
   void whiten(const double* measured, const double* dv, const double* dp, double* innovations) const;
+  // All axes of a recording side by side, as each is a chain of operations that wait for one another; one
+  // that does not move is passed over.
+  struct Track {
+    const double *measured, *dv, *dp;
+    double* innovations;
+  };
+  static void whiten(const std::vector<Whitener>& axes, const std::array<Track, kAxes>& tracks);
 
   // The filter's own estimate right after each frame, out of that frame and those before it.
   void filter(const double* measured, const double* dv, const double* dp, double* innovations,
@@ -94,6 +159,9 @@ class Whitener {
   template <class AfterFrame>
   void run(const double* measured, const double* dv, const double* dp, double* innovations,
            const AfterFrame& after_frame) const;
+  template <std::size_t N>
+  static void run_together(const std::array<const Whitener*, N>& axes, const std::array<Track, N>& tracks,
+                           std::size_t first);
 
   struct Step {
     Transition to_next;
