@@ -211,6 +211,13 @@ class Started(unittest.TestCase):
             self.assertEqual(launch.process.returncode, 2, log)
             self.assertIn("duration_s", log)
 
+    def test_lockstep_without_a_controller_is_refused_before_anything_starts(self):
+        with harness.Launch("sim.launch", nmpc=False) as launch:
+            log = launch.wait(60.0)
+            self.assertEqual(launch.process.returncode, 1, log)
+            self.assertIn("nmpc:=false needs clock:=real", log)
+            self.assertNotIn("process[", log)
+
 
 class Everything(unittest.TestSuite):
     def __init__(self):
