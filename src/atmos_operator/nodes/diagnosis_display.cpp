@@ -1,12 +1,15 @@
-// What a diagnosis found, for rviz: model.yaml and report.json -> /display/diagnosis (MarkerArray, latched).
+// What a diagnosis found, for rviz: model.yaml and report.json -> /display/diagnosis (MarkerArray, latched),
+// in a world that tf knows.
 // Parameters: ~vehicle, ~model (files), ~report (file; empty: no paths), ~exaggeration (of heights).
 #include <ros/ros.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <algorithm>
 #include <cstdio>
 
 #include "atmos_model_ros/marker.h"
+#include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_operator/diagnosis_scene.h"
 
@@ -208,6 +211,15 @@ class Drawing {
   visualization_msgs::MarkerArray array_;
 };
 
+// rviz warns of a fixed frame that no transform names.
+geometry_msgs::TransformStamped world_transform() {
+  geometry_msgs::TransformStamped transform;
+  transform.header.frame_id = kWorldFrame;
+  transform.child_frame_id = "floor";
+  transform.transform.rotation.w = 1.0;
+  return transform;
+}
+
 }  // namespace
 }  // namespace atmos
 
@@ -223,6 +235,8 @@ int main(int argc, char** argv) {
     const ros::Publisher publisher =
         node.advertise<visualization_msgs::MarkerArray>("/display/diagnosis", 1, true);
     publisher.publish(drawing.array());
+    tf2_ros::StaticTransformBroadcaster transforms;
+    transforms.sendTransform(atmos::world_transform());
     ros::spin();
     return 0;
   });

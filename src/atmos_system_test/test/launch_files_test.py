@@ -198,7 +198,8 @@ class Started(unittest.TestCase):
             launch.wait_for("diagnosis_display-")
             master = rosgraph.Master("/launch_files_test", launch.master)
             deadline = time.monotonic() + 30.0
-            while "/display/diagnosis" not in [topic for topic, _ in master.getPublishedTopics("/")]:
+            # Without a transform rviz would not know the frame that the markers are in.
+            while not {"/display/diagnosis", "/tf_static"} <= {topic for topic, _ in master.getPublishedTopics("/")}:
                 self.assertLess(time.monotonic(), deadline, launch.text())
                 time.sleep(0.2)
             self.stop(launch)
