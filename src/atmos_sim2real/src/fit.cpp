@@ -1,8 +1,11 @@
 #include "atmos_sim2real/fit.h"
 
+#include <sys/mman.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 
 #include "atmos_sim2real/floor_map.h"
@@ -156,6 +159,17 @@ Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<Fr
 
 namespace {
 
+// Uninitialised. Tens of megabytes come and go with every map that is fitted: in large pages that costs
+// little.
+Eigen::MatrixXd in_large_pages(Eigen::Index rows, Eigen::Index cols) {
+  constexpr std::size_t kPage = 2 << 20;
+  Eigen::MatrixXd made(rows, cols);
+  void* first = made.data();
+  std::size_t size = sizeof(double) * static_cast<std::size_t>(made.size());
+  if (std::align(kPage, kPage, first, size) != nullptr) madvise(first, size / kPage * kPage, MADV_HUGEPAGE);
+  return made;
+}
+
 // Effects that decide how a force becomes a measured motion, but push nothing themselves.
 bool shapes_response(const Effect& effect) {
   return std::holds_alternative<MassError>(effect) || std::holds_alternative<InertiaError>(effect) ||
@@ -210,6 +224,32 @@ Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const s
   return innovations(flight, forces, noise);
 }
 
+// Adds rows' rows, whose columns are 0 for most of the time where they belong to nodes of a map.
+void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& sum) {
+  constexpr Eigen::Index kTile = 256;  // rows
+  const Eigen::Index n = rows.cols();
+  std::vector<Eigen::Index> there;
+  Eigen::MatrixXd packed, products;
+  for (Eigen::Index begin = 0; begin < rows.rows(); begin += kTile) {
+    const Eigen::Index size = std::min(kTile, rows.rows() - begin);
+    there.clear();
+    for (Eigen::Index p = 0; p < n; ++p) {
+      if ((rows.col(p).segment(begin, size).array() != 0.0).any()) there.push_back(p);
+    }
+    const auto k = static_cast<Eigen::Index>(there.size());
+    packed.resize(k, size);
+    for (Eigen::Index p = 0; p < k; ++p)
+      packed.row(p) = rows.col(there[static_cast<std::size_t>(p)]).segment(begin, size).transpose();
+    products.setZero(k, k);
+    products.selfadjointView<Eigen::Lower>().rankUpdate(packed);
+    for (Eigen::Index q = 0; q < k; ++q) {
+      for (Eigen::Index p = q; p < k; ++p)
+        sum(there[static_cast<std::size_t>(p)], there[static_cast<std::size_t>(q)]) += products(p, q);
+    }
+  }
+  sum.triangularView<Eigen::StrictlyUpper>() = sum.transpose();
+}
+
 // Sum of J' J over the flights; the axes of a flight are worked on side by side. Of `known`, the same sum for
 // an earlier J, what belongs to linear parameters alone still holds.
 Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::vector<FreeParameter>& free,
@@ -220,17 +260,19 @@ Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::ve
     if (known == nullptr || !free[static_cast<std::size_t>(p)].linear) moved.push_back(p);
   }
   const auto m = static_cast<Eigen::Index>(moved.size());
-  std::vector<Eigen::MatrixXd> parts(J.size() * kAxes, Eigen::MatrixXd::Zero(n, m));
+  constexpr Eigen::Index kStretches = 2;  // of an axis, so that no core waits for the last one
+  std::vector<Eigen::MatrixXd> parts(J.size() * kAxes * kStretches, Eigen::MatrixXd::Zero(n, m));
   in_parallel(parts.size(), [&](std::size_t job) {
-    const Eigen::MatrixXd& j = J[job / kAxes];
+    const Eigen::MatrixXd& j = J[job / (kAxes * kStretches)];
     const Eigen::Index frames = j.rows() / kAxes;
-    const auto rows = j.middleRows(static_cast<Eigen::Index>(job % kAxes) * frames, frames);
-    if (m == n) {
-      parts[job].selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
-      parts[job] = Eigen::MatrixXd(parts[job].selfadjointView<Eigen::Lower>());
-    } else {
+    const auto stretch = static_cast<Eigen::Index>(job % (kAxes * kStretches));
+    const Eigen::Index first = stretch % kStretches * frames / kStretches;
+    const Eigen::Index count = (stretch % kStretches + 1) * frames / kStretches - first;
+    const auto rows = j.middleRows(stretch / kStretches * frames + first, count);
+    if (m == n)
+      add_products(rows, parts[job]);
+    else
       parts[job].noalias() = rows.transpose() * Eigen::MatrixXd(rows(Eigen::all, moved));
-    }
   });
   Eigen::MatrixXd sum = known == nullptr ? Eigen::MatrixXd::Zero(n, n) : *known;
   for (Eigen::Index k = 0; k < m; ++k) {
@@ -280,7 +322,7 @@ Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Eff
 
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight) {
-  Eigen::MatrixXd columns(innovations_at.size(), static_cast<Eigen::Index>(free.size()));
+  Eigen::MatrixXd columns = in_large_pages(innovations_at.size(), static_cast<Eigen::Index>(free.size()));
   const Effect& effect = at.effects[free.front().effect];
   Eigen::VectorXd own;
   if (acts_from_outside(effect) && !free.front().linear)
@@ -296,7 +338,7 @@ namespace {
 std::vector<Eigen::MatrixXd> empty_columns(const Fit& fit) {
   std::vector<Eigen::MatrixXd> columns;
   for (const Eigen::VectorXd& innovations : fit.innovations)
-    columns.emplace_back(innovations.size(), static_cast<Eigen::Index>(fit.free.size()));
+    columns.push_back(in_large_pages(innovations.size(), static_cast<Eigen::Index>(fit.free.size())));
   return columns;
 }
 
@@ -354,12 +396,17 @@ void Fit::take_out(std::size_t effect) {
   effects.erase(effects.begin() + static_cast<long>(effect));
 }
 
-Fit refine(const Problem& problem, Fit current, int iterations) {
+namespace {
+
+// `settled`: becomes whether further iterations would gain next to nothing.
+Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
+  settled = true;
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
   const bool known = current.linearisation != nullptr;
-  std::vector<Eigen::MatrixXd> J = known ? current.linearisation->columns : empty_columns(current);
+  std::vector<Eigen::MatrixXd> J = empty_columns(current);
+  for (std::size_t f = 0; f < J.size() && known; ++f) J[f] = current.linearisation->columns[f];
   Eigen::MatrixXd H, data = known ? current.linearisation->information : Eigen::MatrixXd();
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
@@ -371,6 +418,7 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
     if (iteration == iterations) break;
+    settled = false;
 
     bool improved = false;
     double gain = 0.0;
@@ -394,6 +442,7 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
         damping = std::max(1e-3, damping * 30.0);
       }
     }
+    settled = !improved || gain < 1e-4;
     if (!improved) break;
     if (gain < 1e-2) iteration = iterations - 1;  // one more pass for the matrices at the optimum
   }
@@ -428,6 +477,13 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   return current;
 }
 
+}  // namespace
+
+Fit refine(const Problem& problem, Fit start, int iterations) {
+  bool settled;
+  return refine(problem, std::move(start), iterations, settled);
+}
+
 void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
                 double looseness) {
   in_parallel(problem.flights->size(), [&](std::size_t f) {
@@ -446,10 +502,13 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
         const NoiseModel& noise, FitEffort effort) {
   const bool thorough = effort == FitEffort::kThorough;
-  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), thorough ? 4 : 2);
+  bool settled;
+  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), thorough ? 4 : 2,
+                    settled);
   for (int round = 0; round < (thorough ? 2 : 1); ++round) {
     const NoiseModel level = profile_noise(problem, best.effects, best.noise, round == 0);
-    best = refine(problem, evaluate(problem, best.effects, best.free, level), 3);
+    if (settled && level == best.noise) continue;
+    best = refine(problem, evaluate(problem, best.effects, best.free, level), 3, settled);
   }
   return best;
 }

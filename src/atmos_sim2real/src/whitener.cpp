@@ -70,18 +70,48 @@ void Whitener::whiten(const double* measured, const double* dv, const double* dp
   run(measured, dv, dp, innovations, [](std::size_t, double, double) {});
 }
 
+namespace {
+
+constexpr std::size_t kLook = 64;    // frames
+constexpr double kForgotten = 1e-6;  // of the largest innovation
+
+bool at_rest(const Whitener::Track& track, std::size_t i) {
+  return track.measured[i] == 0.0 && track.dv[i] == 0.0 && track.dp[i] == 0.0;
+}
+
+}  // namespace
+
 template <std::size_t N>
 void Whitener::run_together(const std::array<const Whitener*, N>& axes, const std::array<Track, N>& tracks,
                             std::size_t first) {
   std::array<double, N> p, v{}, d{}, b{};
   for (std::size_t k = 0; k < N; ++k) p[k] = first == 0 ? tracks[k].measured[0] : 0.0;
   const std::size_t n = axes[0]->step_.size();
+  double largest = 0.0, recent = 0.0;
   for (std::size_t i = first; i < n; ++i) {
+    if (i % kLook == 0) {
+      // What was pushed long ago and is forgotten is 0: a node of a map acts now and then.
+      largest = std::max(largest, recent);
+      std::size_t still = i;
+      if (recent < kForgotten * largest) {
+        while (still < n && std::all_of(tracks.begin(), tracks.end(),
+                                        [&](const Track& track) { return at_rest(track, still); }))
+          ++still;
+      }
+      if (still > i) {
+        for (const Track& track : tracks) std::fill(track.innovations + i, track.innovations + still, 0.0);
+        p = v = d = b = {};
+        i = still;
+        if (i == n) return;
+      }
+      recent = 0.0;
+    }
     for (std::size_t k = 0; k < N; ++k) {
       const Step& step = axes[k]->step_[i];
       const Track& track = tracks[k];
       const double e = track.measured[i] - p[k] - b[k];
       track.innovations[i] = e * step.inverse_deviation;
+      recent = std::max(recent, std::abs(track.innovations[i]));
       const double after = v[k] + step.gain[1] * e, slow = d[k] + step.gain[2] * e;
       p[k] += step.gain[0] * e + after * step.to_next.dt + slow * step.to_next.slow_to_p + track.dp[i];
       v[k] = after + slow * step.to_next.slow_to_v + track.dv[i];
@@ -100,8 +130,7 @@ void Whitener::whiten(const std::vector<Whitener>& axes, const std::array<Track,
   for (std::size_t axis = 0; axis < kAxes; ++axis) {
     const Track& track = tracks[axis];
     std::size_t begin = 0;
-    while (begin < n && track.measured[begin] == 0.0 && track.dv[begin] == 0.0 && track.dp[begin] == 0.0)
-      ++begin;
+    while (begin < n && at_rest(track, begin)) ++begin;
     first = std::min(first, begin);
     if (begin == n) {
       std::fill(track.innovations, track.innovations + n, 0.0);
