@@ -162,6 +162,16 @@ def fly(scenario, limit_s=120.0, **arguments):
     return bag, log
 
 
+def disturb_the_line(launch, unplug_s, reboot_s):
+    """Pulls the emulated Pixhawk's plug for three seconds and later reboots it, both at a flight time that the log tells."""
+    launch.wait_for(f"t = {unplug_s} /")
+    launch.call("/atmos/pixhawk_emulator/unplug", "true")
+    time.sleep(3.0)
+    launch.call("/atmos/pixhawk_emulator/unplug", "false")
+    launch.wait_for(f"t = {reboot_s} /")
+    launch.call("/atmos/pixhawk_emulator/reboot")
+
+
 def messages(bag, name, robot="atmos"):
     """Messages of one topic in the order of recording."""
     with rosbag.Bag(bag) as opened:

@@ -3,7 +3,6 @@
 the line close the valves until the flight goes on by itself. ATMOS_LONG_TESTS=1: the paper's whole sequence."""
 import math
 import os
-import time
 import unittest
 
 import numpy as np
@@ -58,12 +57,7 @@ class Serial(unittest.TestCase):
         bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
         with harness.Launch("sim.launch", scenario=scenario, controller=harness.controller("rate"), fmu="serial", firmware="stock",
                             record=bag, summary=summary) as launch:
-            launch.wait_for("t = 5 /")
-            launch.call("/atmos/pixhawk_emulator/unplug", "true")
-            time.sleep(3.0)
-            launch.call("/atmos/pixhawk_emulator/unplug", "false")
-            launch.wait_for("t = 15 /")
-            launch.call("/atmos/pixhawk_emulator/reboot")
+            harness.disturb_the_line(launch, unplug_s=5, reboot_s=15)
             log = launch.wait(60.0)
 
         states = harness.messages(bag, "px4/supervisor")

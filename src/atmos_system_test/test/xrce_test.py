@@ -3,7 +3,6 @@
 with MAVLink beside it. ATMOS_LONG_TESTS=1: the paper's whole sequence with every controller, and faults of the lines."""
 import math
 import os
-import time
 import unittest
 
 import numpy as np
@@ -74,12 +73,7 @@ class Xrce(unittest.TestCase):
         bag, summary = os.path.join(folder, "run.bag"), os.path.join(folder, "sim.json")
         with harness.Launch("sim.launch", scenario=scenario, controller=harness.controller("wrench"), fmu="serial", link="xrce",
                             record=bag, summary=summary) as launch:
-            launch.wait_for("t = 15 /")
-            launch.call("/atmos/pixhawk_emulator/unplug", "true")
-            time.sleep(3.0)
-            launch.call("/atmos/pixhawk_emulator/unplug", "false")
-            launch.wait_for("t = 30 /")
-            launch.call("/atmos/pixhawk_emulator/reboot")
+            harness.disturb_the_line(launch, unplug_s=15, reboot_s=30)
             log = launch.wait(90.0)
         links = harness.messages(bag, "px4/state")
         self.assertEqual(links[-1].opened, 2, log)
