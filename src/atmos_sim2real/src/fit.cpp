@@ -157,6 +157,31 @@ Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<Fr
   return fit;
 }
 
+void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& sum) {
+  constexpr Eigen::Index kTile = 256;  // rows
+  const Eigen::Index n = rows.cols();
+  std::vector<Eigen::Index> there;
+  Eigen::MatrixXd packed, products;
+  for (Eigen::Index begin = 0; begin < rows.rows(); begin += kTile) {
+    const Eigen::Index size = std::min(kTile, rows.rows() - begin);
+    there.clear();
+    for (Eigen::Index p = 0; p < n; ++p) {
+      if ((rows.col(p).segment(begin, size).array() != 0.0).any()) there.push_back(p);
+    }
+    const auto k = static_cast<Eigen::Index>(there.size());
+    packed.resize(k, size);
+    for (Eigen::Index p = 0; p < k; ++p)
+      packed.row(p) = rows.col(there[static_cast<std::size_t>(p)]).segment(begin, size).transpose();
+    products.setZero(k, k);
+    products.selfadjointView<Eigen::Lower>().rankUpdate(packed);
+    for (Eigen::Index q = 0; q < k; ++q) {
+      for (Eigen::Index p = q; p < k; ++p)
+        sum(there[static_cast<std::size_t>(p)], there[static_cast<std::size_t>(q)]) += products(p, q);
+    }
+  }
+  sum.triangularView<Eigen::StrictlyUpper>() = sum.transpose();
+}
+
 namespace {
 
 // Uninitialised. Tens of megabytes come and go with every map that is fitted: in large pages that costs
@@ -222,32 +247,6 @@ Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const s
   ForceIntegrals forces = slow ? flight.integrate_slow(plant, reach) : flight.integrate(plant);
   for (auto& measured : forces.measured) std::fill(measured.begin(), measured.end(), 0.0);
   return innovations(flight, forces, noise);
-}
-
-// Adds rows' rows, whose columns are 0 for most of the time where they belong to nodes of a map.
-void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& sum) {
-  constexpr Eigen::Index kTile = 256;  // rows
-  const Eigen::Index n = rows.cols();
-  std::vector<Eigen::Index> there;
-  Eigen::MatrixXd packed, products;
-  for (Eigen::Index begin = 0; begin < rows.rows(); begin += kTile) {
-    const Eigen::Index size = std::min(kTile, rows.rows() - begin);
-    there.clear();
-    for (Eigen::Index p = 0; p < n; ++p) {
-      if ((rows.col(p).segment(begin, size).array() != 0.0).any()) there.push_back(p);
-    }
-    const auto k = static_cast<Eigen::Index>(there.size());
-    packed.resize(k, size);
-    for (Eigen::Index p = 0; p < k; ++p)
-      packed.row(p) = rows.col(there[static_cast<std::size_t>(p)]).segment(begin, size).transpose();
-    products.setZero(k, k);
-    products.selfadjointView<Eigen::Lower>().rankUpdate(packed);
-    for (Eigen::Index q = 0; q < k; ++q) {
-      for (Eigen::Index p = q; p < k; ++p)
-        sum(there[static_cast<std::size_t>(p)], there[static_cast<std::size_t>(q)]) += products(p, q);
-    }
-  }
-  sum.triangularView<Eigen::StrictlyUpper>() = sum.transpose();
 }
 
 // Sum of J' J over the flights; the axes of a flight are worked on side by side. Of `known`, the same sum for

@@ -150,6 +150,8 @@ Path Flight::make_path(const Plant& plant, const Path::Key& key) const {
   if (key.valves > 0) {
     for (const ThrusterCommand& command : recording_.commands) schedule.add(command);
   }
+  constexpr std::size_t kEdges = 8;  // of a command, about
+  path.steps.reserve(n + kEdges * recording_.commands.size());
   std::size_t frame = 0;
   for (double begin = std::min(plant.start_s(), instants.front()); begin < instants.back();) {
     double stretch_end = std::min(schedule.next_edge(begin), instants.back());

@@ -76,12 +76,19 @@ struct Normal {
 
   void add(const Base& base, const Fit& fit, const Eigen::MatrixXd& Z, std::size_t flight,
            const NoiseAlone* imagined = nullptr) {
-    H.noalias() += Z.transpose() * Z;
+    add_products(Z, H);
     g.col(0).noalias() -= Z.transpose() * fit.innovations[flight];
     if (imagined != nullptr) {
-      const Eigen::MatrixXd& drawn = imagined->innovations[flight];
-      if (g.cols() == 1) g.conservativeResizeLike(Eigen::MatrixXd::Zero(g.rows(), 1 + drawn.cols()));
-      g.rightCols(drawn.cols()).noalias() -= Z.transpose() * drawn;
+      const NoiseAlone::Flips& flips = imagined->flights[flight];
+      if (g.cols() == 1) g.conservativeResizeLike(Eigen::MatrixXd::Zero(g.rows(), 1 + flips.signs.cols()));
+      Eigen::MatrixXd of_stretch(Z.cols(), flips.signs.rows());
+      for (Eigen::Index s = 0; s < of_stretch.cols(); ++s) {
+        const Eigen::Index first = flips.begins[static_cast<std::size_t>(s)];
+        const Eigen::Index count = flips.begins[static_cast<std::size_t>(s) + 1] - first;
+        of_stretch.col(s).noalias() =
+            Z.middleRows(first, count).transpose() * fit.innovations[flight].segment(first, count);
+      }
+      g.rightCols(flips.signs.cols()).noalias() -= of_stretch * flips.signs;
     }
     if (cross.rows() == 0) return;
     cross(base.sharp, Eigen::all) += base.sharp_columns[flight].transpose() * Z;
@@ -256,19 +263,18 @@ NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::u
   std::mt19937_64 random(seed);
   for (std::size_t f = 0; f < fit.innovations.size(); ++f) {
     const std::vector<double>& times = (*problem.flights)[f].times();
-    Eigen::MatrixXd flipped = fit.innovations[f].replicate(1, draws);
-    for (Eigen::Index draw = 0; draw < flipped.cols(); ++draw) {
-      double sign = 1.0, end = 0.0;
-      for (Eigen::Index row = 0; row < flipped.rows(); ++row) {
-        const auto frame = static_cast<std::size_t>(row) % times.size();
-        if (frame == 0 || times[frame] >= end) {
-          sign = random() % 2 == 0 ? 1.0 : -1.0;
-          end = times[frame] + kBlock;
-        }
-        flipped(row, draw) *= sign;
-      }
+    NoiseAlone::Flips flips;
+    double end = 0.0;
+    for (Eigen::Index row = 0; row < fit.innovations[f].size(); ++row) {
+      const auto frame = static_cast<std::size_t>(row) % times.size();
+      if (frame > 0 && times[frame] < end) continue;
+      flips.begins.push_back(row);
+      end = times[frame] + kBlock;
     }
-    alone.innovations.push_back(std::move(flipped));
+    flips.signs.resize(static_cast<Eigen::Index>(flips.begins.size()), draws);
+    for (double& sign : flips.signs.reshaped()) sign = random() % 2 == 0 ? 1.0 : -1.0;
+    flips.begins.push_back(fit.innovations[f].size());
+    alone.flights.push_back(std::move(flips));
   }
   return alone;
 }

@@ -111,7 +111,7 @@ std::string label(const Hypothesis& hypothesis) {
 
 bool by_gain(const Tried& a, const Tried& b) { return a.gain > b.gain; }
 
-// What is remembered of a rival: its linearisation may be large.
+// What is remembered of a fit: its linearisation may be large, and can be had again.
 Tried remembered(Tried tried) {
   tried.fit.linearisation.reset();
   return tried;
@@ -354,7 +354,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
     std::vector<Tried> tried;
     for (const Screened& candidate : shortlist(scored, options.fitted_per_step)) {
-      tried.push_back(attempt(problem, current, candidate));
+      tried.push_back(remembered(attempt(problem, current, candidate)));
       options.progress("  " + label(*candidate.hypothesis) + ": " + std::to_string(tried.back().gain) +
                        " nats (screen " + std::to_string(candidate.score) + ")");
     }

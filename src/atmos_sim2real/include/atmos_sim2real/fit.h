@@ -88,6 +88,10 @@ Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<Fr
 // That of a fit; of an evaluation by finite differences.
 std::shared_ptr<const Linearisation> linearisation_of(const Problem& problem, const Fit& fit);
 
+// Adds rows' rows to `sum`, quickly where most columns are 0 for most of the time, as those of a map's nodes
+// are.
+void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& sum);
+
 // The columns of one effect's parameters in one flight, whose innovations at `at` are given.
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight);

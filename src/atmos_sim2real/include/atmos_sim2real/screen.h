@@ -27,7 +27,11 @@ struct Screened {
 // Innovations as the noise alone might have made them: those of a fit, in blocks of 6 s with random signs, so
 // that what correlation the noise model misses stays in them.
 struct NoiseAlone {
-  std::vector<Eigen::MatrixXd> innovations;  // per flight, a column per draw
+  struct Flips {
+    std::vector<Eigen::Index> begins;  // of the blocks among the rows, and the end of the last
+    Eigen::MatrixXd signs;             // a row per block, a column per draw
+  };
+  std::vector<Flips> flights;
 };
 NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::uint32_t seed);
 
