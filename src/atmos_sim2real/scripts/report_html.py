@@ -273,8 +273,8 @@ def page(report, figures):
     if report["verdict"] in ("partly_explained", "unexplained"):
         rest = report["unexplained"]
         body.append(f"<h2>What has no name</h2><p>A slow acceleration of "
-                    f"{1e3 * (rest['acceleration_rms_m_s2'] or 0):.3g} mm/s² (RMS) remains, in "
-                    f"{html.escape(rest['where'] or 'all axes')}.</p>")
+                    f"{1e3 * (rest['acceleration_rms_m_s2'] or 0):.3g} mm/s² (RMS) remains. Most is "
+                    f"missing in {html.escape(rest['where'] or 'all axes')}.</p>")
     if "prediction" in figures:
         models = "The nominal model" if not report["effects"] else "Nominal against fitted model"
         on = "held-out recordings" if report["fit"]["on"] == "held-out" else "blocks left out of the fit"

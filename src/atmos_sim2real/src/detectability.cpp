@@ -62,6 +62,7 @@ Size size_of(const Effect& effect, double flown_s) {
 std::map<std::string, Detectable> smallest_detectable(const Problem& problem, const Fit& final,
                                                       const std::vector<Hypothesis>& library,
                                                       const SearchOptions& options) {
+  constexpr double kNatsPerNumber = 3.0;  // what finding each further number of an effect costs, roughly
   double flown = 0.0;
   for (const Flight& flight : *problem.flights) flown += flight.recording().duration_s();
 
@@ -102,8 +103,9 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
               screened.widths[0] * field_size(screened.information, nats));
       } else if (screened.start.linear.empty()) {
         const Size size = size_of(screened.start.effect, flown);
+        const auto further = static_cast<double>(hypothesis.free.empty() ? 0 : hypothesis.free.size() - 1);
         // A dead valve's evidence grows with time, the others' with the square of their size.
-        const double share = nats / std::max(screened.presence, 1e-9);
+        const double share = (nats + kNatsPerNumber * further) / std::max(screened.presence, 1e-9);
         offer(kind, size.parameter, size.value * (kind == ThrusterDead::kKind ? share : std::sqrt(share)));
       } else {
         for (Eigen::Index p = 0; p < screened.deviation.size(); ++p) {

@@ -222,4 +222,17 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   return out;
 }
 
+void judge_by(const Proof& proof, Diagnosis& diagnosis) {
+  constexpr double kMost = 3.0;  // times what noise alone would leave
+  if (proof.on != kHeldOut || diagnosis.verdict != Verdict::kExplained) return;
+  const HorizonProof& shown = proof.horizons.front();
+  const auto ratio = [](double error, double noise) { return noise > 0.0 ? error / noise : 0.0; };
+  const double worst = std::max(ratio(shown.fitted.position_rms_m, shown.noise_floor.position_rms_m),
+                                ratio(shown.fitted.yaw_rms_rad, shown.noise_floor.yaw_rms_rad));
+  if (worst < kMost) return;
+  diagnosis.verdict = Verdict::kPartlyExplained;
+  diagnosis.unexplained_where =
+      "the held-out recordings, predicted " + number(worst, 2) + " times worse than noise alone would";
+}
+
 }  // namespace atmos

@@ -178,7 +178,7 @@ Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector
     parts.push_back(
         {&recording, recording.poses.front().time_s, recording.poses.back().time_s, final.effects});
   Proof proof = prove(problem, final.noise, parts);
-  proof.on = "held-out";
+  proof.on = kHeldOut;
   return proof;
 }
 
@@ -204,7 +204,7 @@ Proof prove_on_blocks(const Problem& problem, const Fit& final) {
         {&recording, middle, end, refitted(problem, final, {Flight(between(recording, begin, middle))})});
   }
   Proof proof = prove(problem, final.noise, parts);
-  proof.on = "blocks";
+  proof.on = kBlocks;
   return proof;
 }
 

@@ -42,12 +42,18 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   return extended;
 }
 
-// Fits the current model with one screened hypothesis.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate) {
+// Fits the current model with one screened hypothesis. The flights are smoothed under the current model
+// before and after.
+Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate, double looseness) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
   Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
+  if (std::holds_alternative<FrictionPatch>(fitted.effects.back())) {
+    fitted = refine_patch(problem, std::move(fitted), fitted.effects.size() - 1, looseness);
+    smooth_all(problem, current.effects, current.noise, looseness);
+    fitted = fit(problem, fitted.effects, fitted.free, current.noise);
+  }
   if (hypothesis.onsets > 0.0) {
     fitted = refine_onset(problem, std::move(fitted), current.effects.size());
     fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
@@ -122,7 +128,7 @@ Tried remembered(Tried tried) {
 void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness,
               const SearchOptions& options) {
   if (tried.size() < 2) return;
-  const double close = std::max(10.0, 0.05 * tried.front().gain);
+  const double close = std::max(10.0, 0.15 * tried.front().gain);
   const auto end = std::find_if(tried.begin(), tried.end(), [&](const Tried& t) {
     return t.gain < tried.front().gain - close || t.gain <= 0.0;
   });
@@ -164,6 +170,65 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
     return complexity(a.hypothesis) < complexity(b.hypothesis);
   });
   std::rotate(tried.begin(), simplest, simplest + 1);
+}
+
+// The best starts of the best hypotheses, and every map that is not hopeless.
+std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
+  std::vector<Screened> chosen;
+  std::map<const Hypothesis*, std::size_t> taken;
+  std::size_t kinds = 0;
+  for (const Screened& candidate : scored) {
+    std::size_t& starts = taken[candidate.hypothesis];
+    const bool map = candidate.hypothesis->map;
+    if (starts == 0 ? (kinds >= most && !map) : starts >= 2) continue;
+    // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
+    // than a map of nothing would (three standard deviations of half a chi-square).
+    if (map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance) : candidate.score < 0.0)
+      continue;
+    if (starts == 0 && !map) ++kinds;
+    ++starts;
+    chosen.push_back(candidate);
+  }
+  return chosen;
+}
+
+bool is_plain(const Hypothesis& hypothesis) {
+  return !hypothesis.map && !hypothesis.local && hypothesis.law.empty();
+}
+
+// A map imitates what two effects of few parameters do together. Where such a pair explains the flights as
+// well as the best map does, its first goes to the front.
+void pairs_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
+                       double looseness, const SearchOptions& options) {
+  constexpr double kShare = 0.2;  // of the map's gain that one of a pair has by itself
+  constexpr std::size_t kFirsts = 2, kSeconds = 3;
+  if (tried.empty() || !tried.front().hypothesis.map) return;
+  const double enough = tried.front().gain - indistinct(tried.front().gain);
+  std::vector<std::size_t> firsts;
+  for (std::size_t t = 0; t < tried.size() && firsts.size() < kFirsts; ++t) {
+    const bool known = std::any_of(firsts.begin(), firsts.end(), [&](std::size_t other) {
+      return same_subject(tried[other].hypothesis, tried[t].hypothesis);
+    });
+    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShare * tried.front().gain && !known)
+      firsts.push_back(t);
+  }
+  for (const std::size_t first : firsts) {
+    std::vector<Hypothesis> others;
+    for (const Hypothesis& hypothesis : open) {
+      if (is_plain(hypothesis) && !same_subject(hypothesis, tried[first].hypothesis))
+        others.push_back(hypothesis);
+    }
+    for (const Screened& candidate : shortlist(screen(problem, tried[first].fit, others), kSeconds)) {
+      const Tried second = attempt(problem, tried[first].fit, candidate, looseness);
+      const double together = tried[first].gain + second.gain;
+      options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
+                       std::to_string(together) + " nats");
+      if (together < enough) continue;
+      std::rotate(tried.begin(), tried.begin() + static_cast<long>(first),
+                  tried.begin() + static_cast<long>(first) + 1);
+      return;
+    }
+  }
 }
 
 // Why a candidate with enough evidence is not named all the same; empty when it is.
@@ -242,26 +307,6 @@ bool plainly_there(const Fit& fit, std::size_t index) {
   return false;
 }
 
-// The best starts of the best hypotheses, and every map that is not hopeless.
-std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
-  std::vector<Screened> chosen;
-  std::map<const Hypothesis*, std::size_t> taken;
-  std::size_t kinds = 0;
-  for (const Screened& candidate : scored) {
-    std::size_t& starts = taken[candidate.hypothesis];
-    const bool map = candidate.hypothesis->map;
-    if (starts == 0 ? (kinds >= most && !map) : starts >= 2) continue;
-    // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
-    // than a map of nothing would (three standard deviations of half a chi-square).
-    if (map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance) : candidate.score < 0.0)
-      continue;
-    if (starts == 0 && !map) ++kinds;
-    ++starts;
-    chosen.push_back(candidate);
-  }
-  return chosen;
-}
-
 std::vector<Hypothesis> unclaimed(const std::vector<Hypothesis>& all, const std::vector<Claim>& claims) {
   std::vector<Hypothesis> open;
   for (const Hypothesis& hypothesis : all) {
@@ -283,7 +328,7 @@ std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const
 // replaced.
 bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims,
                 const std::vector<Fit>& without_each, const std::vector<Hypothesis>& library,
-                const SearchOptions& options) {
+                double looseness, const SearchOptions& options) {
   constexpr double kClearlyBetter = 3.0;  // nats
   constexpr std::size_t kRivals = 3;
   const std::vector<Hypothesis> open = unclaimed(library, claims);
@@ -301,7 +346,8 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     const double own = std::find_if(scored.begin(), scored.end(), is_own)->score;
     scored.erase(std::remove_if(scored.begin(), scored.end(), is_own), scored.end());
     for (const Screened& candidate : shortlist(scored, kRivals)) {
-      if (candidate.score > 0.5 * own) claim.rivals.push_back(remembered(attempt(problem, rest, candidate)));
+      if (candidate.score > 0.5 * own)
+        claim.rivals.push_back(remembered(attempt(problem, rest, candidate, looseness)));
     }
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
     if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) continue;
@@ -354,13 +400,14 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
     std::vector<Tried> tried;
     for (const Screened& candidate : shortlist(scored, options.fitted_per_step)) {
-      tried.push_back(remembered(attempt(problem, current, candidate)));
+      tried.push_back(remembered(attempt(problem, current, candidate, looseness)));
       options.progress("  " + label(*candidate.hypothesis) + ": " + std::to_string(tried.back().gain) +
                        " nats (screen " + std::to_string(candidate.score) + ")");
     }
     std::sort(tried.begin(), tried.end(), by_gain);
     play_off(problem, current, tried, looseness, options);
     simplest_of_equals_first(tried);
+    pairs_before_maps(problem, open, tried, looseness, options);
 
     const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
@@ -409,7 +456,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   }
 
   std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
-  if (claims.size() > 1 && reconsider(problem, current, claims, without_each, library, options))
+  if (claims.size() > 1 && reconsider(problem, current, claims, without_each, library, looseness, options))
     without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);

@@ -87,6 +87,15 @@ class Scoring(unittest.TestCase):
         self.assertTrue(one["right_first"])
         self.assertFalse(one["all_named"])
 
+    def test_what_the_flight_could_not_show_is_marked(self):
+        for stated, invisible in ((0.04, []), (0.06, ["mass_error"])):
+            both = dict(truth("multi", ("supply_coupling", {"fraction_per_open_thruster": 0.1}), ("mass_error", {"factor": 1.1})),
+                        duration_s=60.0)
+            said = report(claim("supply_coupling", fraction_per_open_thruster=(0.1, 0.001)))
+            said["mismatch"]["smallest_detectable"] = {"mass_error": {"parameter": "factor", "value": stated},
+                                                       "supply_coupling": {"parameter": "fraction_per_open_thruster", "value": 9.0}}
+            self.assertEqual(scored(both, said)["invisible"], invisible)
+
     def test_outside_the_vocabulary_only_a_formula_or_silence_is_right(self):
         law = truth("outside", ("unmodelled", {}), accepted=("airflow",))
         self.assertTrue(scored(law, report(verdict="unexplained"))["good"])

@@ -194,5 +194,23 @@ TEST(Statement, EveryKindHasOneWithANumber) {
   }
 }
 
+TEST(Verdict, WhatDoesNotCarryOverToHeldOutRecordingsIsPartlyExplained) {
+  const auto verdict_of = [](Verdict before, const char* on, double fitted_m, double fitted_rad) {
+    Diagnosis diagnosis;
+    diagnosis.verdict = before;
+    Proof proof;
+    proof.on = on;
+    proof.horizons = {{5.0, {0.2, 0.1, 0.0, 9}, {fitted_m, fitted_rad, 0.0, 9}, {0.01, 0.02, 0.0, 9}}};
+    judge_by(proof, diagnosis);
+    EXPECT_EQ(diagnosis.unexplained_where.empty(), diagnosis.verdict == before);
+    return diagnosis.verdict;
+  };
+  EXPECT_EQ(verdict_of(Verdict::kExplained, kHeldOut, 0.029, 0.02), Verdict::kExplained);
+  EXPECT_EQ(verdict_of(Verdict::kExplained, kHeldOut, 0.031, 0.02), Verdict::kPartlyExplained);
+  EXPECT_EQ(verdict_of(Verdict::kExplained, kHeldOut, 0.01, 0.07), Verdict::kPartlyExplained);
+  EXPECT_EQ(verdict_of(Verdict::kExplained, kBlocks, 0.1, 0.1), Verdict::kExplained);
+  EXPECT_EQ(verdict_of(Verdict::kConsistent, kHeldOut, 0.1, 0.1), Verdict::kConsistent);
+}
+
 }  // namespace
 }  // namespace atmos

@@ -124,11 +124,12 @@ void run(const Arguments& arguments) {
 
   SearchOptions options;
   options.progress = say;
-  const Diagnosis diagnosis = diagnose(vehicle, known, flights, options);
+  Diagnosis diagnosis = diagnose(vehicle, known, flights, options);
   say("predicting open loop");
   const Problem problem{&vehicle, known, &flights};
   const Proof proof = held_out.empty() ? prove_on_blocks(problem, diagnosis.search.final)
                                        : prove_held_out(problem, diagnosis.search.final, held_out);
+  judge_by(proof, diagnosis);
 
   nlohmann::ordered_json summary = report(diagnosis, problem, proof);
   plan_next(arguments, diagnosis, problem, summary);

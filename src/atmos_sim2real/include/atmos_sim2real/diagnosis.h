@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "atmos_sim2real/detectability.h"
+#include "atmos_sim2real/proof.h"
 
 namespace atmos {
 
@@ -39,5 +40,8 @@ struct Diagnosis {
 // smoothed under the final model afterwards.
 Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std::vector<Flight>& flights,
                    const SearchOptions& options);
+
+// What does not carry over to recordings that the fit has not seen explains no more than a part.
+void judge_by(const Proof& proof, Diagnosis& diagnosis);
 
 }  // namespace atmos

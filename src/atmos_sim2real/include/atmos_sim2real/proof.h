@@ -10,6 +10,9 @@
 
 namespace atmos {
 
+constexpr const char* kHeldOut = "held-out";  // on what a proof is given
+constexpr const char* kBlocks = "blocks";
+
 struct HorizonProof {
   double horizon_s;
   PredictionError nominal, fitted, noise_floor;
@@ -22,7 +25,7 @@ struct PredictedRecording {
 };
 
 struct Proof {
-  std::string on;                      // "held-out" or "blocks"
+  std::string on;                      // kHeldOut or kBlocks
   std::vector<HorizonProof> horizons;  // 5, 1 and 10 s
   std::vector<PredictedRecording> predicted;
 };

@@ -24,6 +24,7 @@ SIZES = {"floor_tilt": ["slope_x"], "tether": ["stiffness_n_m"], "floor_vibratio
 # Documented sets that pose and command cannot separate: the tool may claim any of a set (docs/effects.md).
 SAME = ({"command_delay", "mocap_latency"},)
 THRUSTER_KINDS = ("thruster_efficiency", "thruster_dead", "thruster_leak", "thruster_misalignment")
+VISIBLE = 2.0  # times the stated smallest size: from there on an effect counts as missed
 YAW_ARM = 0.15  # m: turns an error of yaw into one of position, at a bearing
 
 
@@ -160,6 +161,10 @@ def score(truth, report, errors, flight_start):
         result["listed"] = result["right_first"] or (
             first is not None and any(e["kind"] in text for e in effects for text in first["indistinguishable_from"]))
         result["all_named"] = all(any(matches(c, e) for c in claims) for e in effects)
+        stated = report["mismatch"]["smallest_detectable"]
+        multiples = [stated_multiple(e, stated, truth["duration_s"]) for e in effects] if stated else []
+        result["invisible"] = [e["kind"] for e, size in zip(effects, multiples)
+                               if size is not None and size < VISIBLE and not any(matches(c, e) for c in claims)]
         result["extra"] = [c["kind"] for c in claims if not any(matches(c, e) for e in effects)]
         thruster, onset, parameters = [], [], []
         for effect in effects:

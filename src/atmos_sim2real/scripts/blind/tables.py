@@ -78,6 +78,7 @@ def method_rows(results, prefix, score_of):
         median_row(of("heldout_gain_ratio"), "share", [s["gain_ratio"] for s in large if "gain_ratio" in s]),
         share_row(of("heldout_gain_ratio_above_0.95"), [s["gain_ratio"] >= 0.95 for s in large if "gain_ratio" in s]),
         share_row(of("multi_all_named"), [s["all_named"] for s in multi]),
+        share_row(of("multi_all_visible_named"), [s["all_named"] for s in multi if not s["invisible"]]) if not prefix else None,
         share_row(of("multi_right_name_first"), [s["right_first"] for s in multi]),
         share_row(of("multi_extra_name"), [bool(s["extra"]) for s in multi]),
         median_row(of("multi_heldout_gain_ratio"), "share", [s["gain_ratio"] for s in multi if "gain_ratio" in s]),
