@@ -180,6 +180,18 @@ def quantity(value, unit, std=None):
     return f"{text}{unit}" if std is None else f"{text} ± {std:.2g}{unit}"
 
 
+def placebo(check):
+    parts = []
+    if check["wrong_thruster_nats"] is not None:
+        parts.append(f"on the wrong thruster (at best {check['wrong_thruster']}) {check['wrong_thruster_nats']:.0f} nats")
+    if check["shuffled_commands_nats"] is not None:
+        parts.append(f"with the commands in random order {check['shuffled_commands_nats']:.0f} nats")
+    if not parts:
+        return ""
+    return (f"<p><b>Placebo:</b> {', '.join(parts)}, where it is claimed {check['as_claimed_nats']:.0f} "
+            "(each in its best strength, all else held).</p>")
+
+
 def effect_card(effect):
     evidence = effect["evidence"]
     rows = "".join(f"<tr><td>{html.escape(name)}</td><td>{quantity(p['value'], p['unit'], p['std'])}</td></tr>"
@@ -187,7 +199,7 @@ def effect_card(effect):
     sure = (f"{evidence['log_likelihood_gain']:.0f} nats of likelihood, "
             f"{evidence['heldout_log_likelihood_gain']:.0f} on blocks left out of the fit; kept in "
             f"{100 * evidence['inclusion']:.0f} % of resamples")
-    also = ""
+    also = placebo(effect["placebo"])
     if effect["indistinguishable_from"]:
         also = ("<p><b>Could also be:</b> " + html.escape("; ".join(effect["indistinguishable_from"])) + "</p>")
     if effect["next_experiment"]:

@@ -192,6 +192,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   }
   if (!found.claims.empty()) out.where = locate(problem, gains);
 
+  out.placebo = placebo_checks(problem, found.final, options.seed);
   out.smallest_detectable = smallest_detectable(problem, found.final, library, options);
 
   for (const Claim& claim : found.claims) {

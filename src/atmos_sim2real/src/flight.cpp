@@ -255,6 +255,13 @@ std::shared_ptr<const std::vector<Whitener>> Flight::whiteners(const NoiseModel&
   });
 }
 
+Flight Flight::under(std::vector<ThrusterCommand> commands) const {
+  Flight other = *this;
+  other.recording_.commands = std::move(commands);
+  other.derived_ = std::make_shared<Derived>();
+  return other;
+}
+
 void Flight::smooth(const Plant& plant, const NoiseModel& noise, double looseness) {
   note_scatter(plant);
   const ForceIntegrals forces = integrate(plant);

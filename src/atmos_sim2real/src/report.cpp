@@ -83,6 +83,14 @@ std::vector<std::size_t> table_order(const std::vector<Effect>& effects) {
   return order;
 }
 
+json placebo_of(const Placebo& placebo) {
+  const auto nats = [](const std::optional<double>& gain) { return gain ? finite(*gain) : json(nullptr); };
+  return {{"as_claimed_nats", finite(placebo.as_claimed)},
+          {"shuffled_commands_nats", nats(placebo.shuffled_commands)},
+          {"wrong_thruster_nats", nats(placebo.wrong_thruster)},
+          {"wrong_thruster", placebo.wrong_thruster ? json(placebo.best_wrong_thruster) : json(nullptr)}};
+}
+
 json effects_of(const Diagnosis& diagnosis, double start_s) {
   const Fit& final = diagnosis.search.final;
   json effects = json::array();
@@ -105,6 +113,7 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
                         {{"log_likelihood_gain", finite(claim.gain)},
                          {"heldout_log_likelihood_gain", finite(claim.heldout_gain)},
                          {"inclusion", finite(claim.inclusion)}}},
+                       {"placebo", placebo_of(diagnosis.placebo.at(i))},
                        {"indistinguishable_from", same},
                        {"next_experiment", next}});
   }

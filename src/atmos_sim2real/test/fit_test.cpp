@@ -4,6 +4,7 @@
 
 #include "atmos_sim2real/library.h"
 #include "atmos_sim2real/patch.h"
+#include "atmos_sim2real/placebo.h"
 #include "synthetic.h"
 
 namespace atmos {
@@ -109,6 +110,29 @@ TEST(Fit, LikelihoodFallsAwayFromTheTruth) {
   };
   EXPECT_GT(at(0.08), at(0.0) + 50.0);
   EXPECT_GT(at(0.08), at(0.16) + 50.0);
+}
+
+TEST(Placebo, OnlyTheRightThrusterAndTheRealCommandsExplain) {
+  const Vehicle vehicle = nominal_vehicle();
+  ThrusterEfficiency weak;
+  weak.thruster = 3;
+  weak.factor = 0.8;
+  FloorTilt tilt;
+  tilt.slope_x = 3e-4;
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {weak, tilt}, pulse_commands(kStart, 40.0, 5), 6).recording);
+  const Problem problem{&vehicle, {}, &flights};
+  const NoiseModel noise = initial_noise(flights);
+  smooth_all(problem, {weak, tilt}, noise, 4.0);
+  const std::vector<Placebo> checks = placebo_checks(problem, evaluate(problem, {weak, tilt}, {}, noise), 1);
+  ASSERT_EQ(checks.size(), 2u);
+  EXPECT_GT(checks[0].as_claimed, 50.0);
+  EXPECT_LT(checks[0].wrong_thruster.value(), 0.5 * checks[0].as_claimed);
+  EXPECT_NE(checks[0].best_wrong_thruster, 3);
+  EXPECT_LT(checks[0].shuffled_commands.value(), 0.2 * checks[0].as_claimed);
+  EXPECT_GT(checks[1].as_claimed, 50.0);
+  EXPECT_FALSE(checks[1].wrong_thruster.has_value());
+  EXPECT_FALSE(checks[1].shuffled_commands.has_value());
 }
 
 }  // namespace

@@ -130,6 +130,7 @@ TEST(Report, ListsEveryParameterOfEveryKind) {
     claim.hypothesis.kind = kind_of(effect);
     diagnosis.search.claims.push_back(claim);
     diagnosis.indistinguishable.push_back({});
+    diagnosis.placebo.emplace_back();
   }
   diagnosis.indistinguishable[4] = {"lost command bit"};
   const Vehicle vehicle = nominal_vehicle();

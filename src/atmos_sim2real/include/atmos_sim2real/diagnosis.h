@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "atmos_sim2real/detectability.h"
+#include "atmos_sim2real/placebo.h"
 #include "atmos_sim2real/proof.h"
 
 namespace atmos {
@@ -30,7 +31,8 @@ struct Diagnosis {
   std::map<std::string, Detectable> smallest_detectable;  // by kind
   SearchResult search;
   std::vector<std::vector<std::string>>
-      indistinguishable;  // per claim: kinds that these flights cannot separate from it
+      indistinguishable;         // per claim: kinds that these flights cannot separate from it
+  std::vector<Placebo> placebo;  // per claim
   double unexplained_acceleration_rms =
       0.0;  // m/s^2, slow force that no effect of the final model accounts for
   std::string unexplained_where;

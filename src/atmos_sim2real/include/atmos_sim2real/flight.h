@@ -54,6 +54,9 @@ class Flight {
  public:
   explicit Flight(Recording recording);
 
+  // The same motion as if these commands had been given.
+  Flight under(std::vector<ThrusterCommand> commands) const;
+
   const Recording& recording() const { return recording_; }
   std::size_t frames() const { return times_.size(); }
   const std::vector<double>& times() const { return times_; }
