@@ -404,8 +404,13 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
   const bool known = current.linearisation != nullptr;
-  std::vector<Eigen::MatrixXd> J = empty_columns(current);
-  for (std::size_t f = 0; f < J.size() && known; ++f) J[f] = current.linearisation->columns[f];
+  std::vector<Eigen::MatrixXd> J;
+  if (known && current.linearisation.use_count() == 1) {
+    J = std::move(std::const_pointer_cast<Linearisation>(current.linearisation)->columns);  // nobody else's
+  } else {
+    J = empty_columns(current);
+    for (std::size_t f = 0; f < J.size() && known; ++f) J[f] = current.linearisation->columns[f];
+  }
   Eigen::MatrixXd H, data = known ? current.linearisation->information : Eigen::MatrixXd();
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
@@ -472,7 +477,7 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
     current.covariance.row(p) *= ratio;
     current.covariance.col(p) *= ratio;
   }
-  current.linearisation = std::make_shared<const Linearisation>(Linearisation{std::move(J), std::move(data)});
+  current.linearisation = std::make_shared<Linearisation>(Linearisation{std::move(J), std::move(data)});
   return current;
 }
 

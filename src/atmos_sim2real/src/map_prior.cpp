@@ -84,9 +84,9 @@ std::vector<FreeParameter> under(const std::vector<FreeParameter>& free, std::si
 }
 
 // Maps are linear: the columns hold under any prior.
-Fit refitted(const Problem& problem, const Fit& fit, std::vector<FreeParameter> free) {
-  Fit start = evaluate(problem, fit.effects, std::move(free), fit.noise);
-  start.linearisation = fit.linearisation;
+Fit refitted(const Problem& problem, Fit fit, std::vector<FreeParameter> free) {
+  Fit start = evaluate(problem, std::move(fit.effects), std::move(free), fit.noise);
+  start.linearisation = std::move(fit.linearisation);
   return refine(problem, std::move(start), 3);
 }
 
@@ -114,10 +114,11 @@ Fit continued(const Problem& problem, Fit fit, std::size_t map) {
   }
   for (FreeParameter& node : free_nodes(effects[map], map, {deviations_of(effects[map])[2], 1.0}))
     free.push_back(std::move(node));
-  const Fit wide = refine(problem, evaluate(problem, std::move(effects), std::move(free), fit.noise), 3);
+  Fit wide = refine(problem, evaluate(problem, std::move(effects), std::move(free), fit.noise), 3);
 
   const Weighed best = best_prior(node_likelihood(wide, map), wide.effects[map]);
-  return refitted(problem, wide, under(wide.free, map, best.prior));
+  std::vector<FreeParameter> suited = under(wide.free, map, best.prior);
+  return refitted(problem, std::move(wide), std::move(suited));
 }
 
 }  // namespace atmos

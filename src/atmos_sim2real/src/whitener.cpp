@@ -72,8 +72,10 @@ void Whitener::whiten(const double* measured, const double* dv, const double* dp
 
 namespace {
 
-constexpr std::size_t kLook = 64;    // frames
-constexpr double kForgotten = 1e-6;  // of the largest innovation
+constexpr std::size_t kLook = 64;  // frames
+// Share of the largest innovation. A parameter that flights hardly determine is scaled up far: 1e-6 was seen
+// to change a verdict.
+constexpr double kForgotten = 1e-11;
 
 bool at_rest(const Whitener::Track& track, std::size_t i) {
   return track.measured[i] == 0.0 && track.dv[i] == 0.0 && track.dp[i] == 0.0;

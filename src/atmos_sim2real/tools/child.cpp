@@ -17,7 +17,7 @@ fs::path simulator_tool(const std::string& name) {
   return self.parent_path().parent_path() / "atmos_sim" / name;
 }
 
-void run_child(const std::vector<std::string>& command, const std::string& log) {
+pid_t start_child(const std::vector<std::string>& command, const std::string& log) {
   std::vector<char*> arguments;
   for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
@@ -31,6 +31,11 @@ void run_child(const std::vector<std::string>& command, const std::string& log) 
     execv(arguments[0], arguments.data());
     _exit(127);
   }
+  return child;
+}
+
+void run_child(const std::vector<std::string>& command, const std::string& log) {
+  const pid_t child = start_child(command, log);
   int status = 0;
   if (child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0)
     return;
