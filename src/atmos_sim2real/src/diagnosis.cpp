@@ -6,6 +6,9 @@
 #include <iomanip>
 #include <sstream>
 
+#include "atmos_sim2real/floor_map.h"
+#include "atmos_sim2real/map_prior.h"
+
 namespace atmos {
 
 namespace {
@@ -208,6 +211,12 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
         same.push_back(rival.hypothesis.kind);
     }
     out.indistinguishable.push_back(std::move(same));
+  }
+
+  // Last, as many nodes make everything slow.
+  for (std::size_t i = 0; i < found.final.effects.size(); ++i) {
+    if (over_the_floor(found.final.effects[i]))
+      out.search.final = continued(problem, std::move(out.search.final), i);
   }
 
   const double slow = found.final.noise.slow[kX], slow_yaw = found.final.noise.slow[kYaw];

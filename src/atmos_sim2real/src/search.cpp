@@ -468,9 +468,6 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     claims[i].onset_deviation_s = onset_deviation(problem, current, i);
   merge_laws(current, claims);
   merge_floor(current, claims);
-  for (std::size_t i = 0; i < current.effects.size(); ++i) {
-    if (over_the_floor(current.effects[i])) current = continued(problem, std::move(current), i);
-  }
   result.final = std::move(current);
   return result;
 }
