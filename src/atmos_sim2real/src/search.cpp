@@ -196,22 +196,37 @@ bool is_plain(const Hypothesis& hypothesis) {
   return !hypothesis.map && !hypothesis.local && hypothesis.law.empty();
 }
 
-// A map imitates what two effects of few parameters do together. Where such a pair explains the flights as
-// well as the best map does, its first goes to the front.
-void pairs_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
-                       double looseness, const SearchOptions& options) {
-  constexpr double kShare = 0.2;  // of the map's gain that one of a pair has by itself
+// What a map that comes first must win back of the nominal model's error, over nothing and over a plain
+// effect: a motion capture that is distorted over the floor looks like a map of small forces too.
+constexpr double kShareOfFirstMap = 0.2;
+
+// A map imitates one or two effects of few parameters, and a little of everything else. Where one alone
+// predicts the motion nearly as well, or two explain the flights as well as the best map does, the first goes
+// to the front.
+void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
+                       const OpenLoopError& nominal_error, double looseness, const SearchOptions& options) {
+  constexpr double kShareOfOne = 0.8, kShareOfPair = 0.2;  // of the map's gain that the first has by itself
   constexpr std::size_t kFirsts = 2, kSeconds = 3;
   if (tried.empty() || !tried.front().hypothesis.map) return;
-  const double enough = tried.front().gain - indistinct(tried.front().gain);
+  const auto to_front = [&](std::size_t first) {
+    std::rotate(tried.begin(), tried.begin() + static_cast<long>(first),
+                tried.begin() + static_cast<long>(first) + 1);
+  };
+  const double gain_of_map = tried.front().gain;
   std::vector<std::size_t> firsts;
   for (std::size_t t = 0; t < tried.size() && firsts.size() < kFirsts; ++t) {
     const bool known = std::any_of(firsts.begin(), firsts.end(), [&](std::size_t other) {
       return same_subject(tried[other].hypothesis, tried[t].hypothesis);
     });
-    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShare * tried.front().gain && !known)
+    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShareOfPair * gain_of_map && !known)
       firsts.push_back(t);
   }
+  if (firsts.empty()) return;
+  const std::size_t one = firsts.front();
+  if (tried[one].gain > kShareOfOne * gain_of_map &&
+      !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, tried[one].fit.effects),
+                 open_loop_error(problem, tried.front().fit.effects)))
+    return to_front(one);
   for (const std::size_t first : firsts) {
     std::vector<Hypothesis> others;
     for (const Hypothesis& hypothesis : open) {
@@ -223,10 +238,7 @@ void pairs_before_maps(const Problem& problem, const std::vector<Hypothesis>& op
       const double together = tried[first].gain + second.gain;
       options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
                        std::to_string(together) + " nats");
-      if (together < enough) continue;
-      std::rotate(tried.begin(), tried.begin() + static_cast<long>(first),
-                  tried.begin() + static_cast<long>(first) + 1);
-      return;
+      if (together > gain_of_map - indistinct(gain_of_map)) return to_front(first);
     }
   }
 }
@@ -241,8 +253,7 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
       (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion))
     return "does not hold on unseen data";
   const OpenLoopError error = open_loop_error(problem, candidate.fit.effects);
-  // A motion capture that is distorted over the floor looks like a map of small forces too.
-  constexpr double kShareOfFirstMap = 0.2, kShare = 0.03;
+  constexpr double kShare = 0.03;
   if (claims.empty()) {
     const bool too_little =
         candidate.hypothesis.map && !wins_back(kShareOfFirstMap, nominal_error, present_error, error);
@@ -407,7 +418,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     std::sort(tried.begin(), tried.end(), by_gain);
     play_off(problem, current, tried, looseness, options);
     simplest_of_equals_first(tried);
-    pairs_before_maps(problem, open, tried, looseness, options);
+    plain_before_maps(problem, open, tried, nominal_error, looseness, options);
 
     const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
