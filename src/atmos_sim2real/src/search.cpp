@@ -206,6 +206,7 @@ constexpr double kShareOfFirstMap = 0.2;
 void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
                        const OpenLoopError& nominal_error, double looseness, const SearchOptions& options) {
   constexpr double kShareOfOne = 0.8, kShareOfPair = 0.2;  // of the map's gain that the first has by itself
+  constexpr std::size_t kFew = 2;                          // parameters
   constexpr std::size_t kFirsts = 2, kSeconds = 3;
   if (tried.empty() || !tried.front().hypothesis.map) return;
   const auto to_front = [&](std::size_t first) {
@@ -223,7 +224,7 @@ void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& op
   }
   if (firsts.empty()) return;
   const std::size_t one = firsts.front();
-  if (tried[one].gain > kShareOfOne * gain_of_map &&
+  if (tried[one].gain > kShareOfOne * gain_of_map && complexity(tried[one].hypothesis) <= kFew &&
       !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, tried[one].fit.effects),
                  open_loop_error(problem, tried.front().fit.effects)))
     return to_front(one);
@@ -261,10 +262,7 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
   }
   // A little of what is left can be had by anything flexible, or by anything at all that is nearly collinear.
   const bool flexible = candidate.hypothesis.map || !candidate.hypothesis.law.empty();
-  const bool second_map =
-      candidate.hypothesis.map &&
-      std::any_of(claims.begin(), claims.end(), [](const Claim& claim) { return claim.hypothesis.map; });
-  if (second_map && candidate.gain < options.plain_gain) return "is what another map leaves";
+  if (candidate.hypothesis.map && candidate.gain < options.plain_gain) return "may be what the others leave";
   if ((flexible || candidate.gain < options.plain_gain) &&
       !wins_back(kShare, nominal_error, present_error, error))
     return "changes the motion too little to be named";
@@ -394,11 +392,13 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   std::vector<Claim>& claims = result.claims;
 
   constexpr int kDraws = 60;
+  std::vector<Claim> refused;  // had their turn
   for (;;) {
-    std::vector<Hypothesis> open = unclaimed(library, claims);
+    std::vector<Hypothesis> open = unclaimed(unclaimed(library, claims), refused);
     for (const auto& found : {find_events(problem, current, options.accept_gain_of_flexible),
                               find_oscillations(problem, current, options.accept_gain_of_flexible)}) {
-      for (const Hypothesis& hypothesis : unclaimed(found, claims)) open.push_back(hypothesis);
+      for (const Hypothesis& hypothesis : unclaimed(unclaimed(found, claims), refused))
+        open.push_back(hypothesis);
     }
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
                      std::to_string(claims.size()) + " effects");
@@ -460,9 +460,20 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
         ++i;
         continue;
       }
-      options.progress("dropped " + label(claims[i].hypothesis));
-      current = reduced;
-      claims.erase(claims.begin() + static_cast<long>(i));
+      // Of two that stand for the same the better one stays.
+      const Hypothesis& newest = claims.back().hypothesis;
+      Fit as_before = without(problem, current, claims.size() - 1);
+      const bool newest_goes =
+          as_before.evidence - choices_of(claims[i].hypothesis) > reduced.evidence - choices_of(newest);
+      options.progress("dropped " + label(newest_goes ? newest : claims[i].hypothesis));
+      if (newest_goes) {
+        refused.push_back(std::move(claims.back()));
+        claims.pop_back();
+        current = settled(problem, std::move(as_before), looseness);
+      } else {
+        current = reduced;
+        claims.erase(claims.begin() + static_cast<long>(i));
+      }
     }
   }
 
