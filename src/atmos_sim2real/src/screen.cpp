@@ -298,6 +298,8 @@ std::vector<Screened> screen(const Problem& problem, const Fit& base_fit,
                 : start.linear.empty()
                     ? score_presence(problem, base_fit, base, hypothesis, start, imagined)
                     : score_amplitudes(problem, base_fit, base, hypothesis, start, imagined);
+    // Columns that these flights do not determine at all.
+    if (std::isnan(scored[j].score)) scored[j].score = -std::numeric_limits<double>::infinity();
   });
   std::sort(scored.begin(), scored.end(),
             [](const Screened& a, const Screened& b) { return a.score > b.score; });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "atmos_sim2real/crossvalidation.h"
@@ -61,7 +62,7 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
   if (over_the_floor(fitted.effects.back()))
     fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
   const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
-  return {hypothesis, std::move(fitted), gain};
+  return {hypothesis, std::move(fitted), std::isnan(gain) ? -std::numeric_limits<double>::infinity() : gain};
 }
 
 // How far open-loop motion over 5 s strays from the recording when it starts on the smoothed motion: root
