@@ -57,6 +57,20 @@ Size size_of(const Effect& effect, double flown_s) {
   return {"since_s", flown_s};
 }
 
+// One of a hypothesis' starts to ask by: of patches one where the robot was, else the middle one.
+Start typical_start(const Hypothesis& hypothesis, const std::vector<Flight>& flights) {
+  const std::vector<Start>& starts = hypothesis.starts;
+  if (!std::holds_alternative<FrictionPatch>(starts.front().effect)) return starts[starts.size() / 2];
+  const std::vector<PlanarState<double>>& motion = flights.front().motion();
+  const Eigen::Vector2d there = motion[motion.size() / 2].p_WC;
+  const auto distance = [&](const Start& start) {
+    const FrictionPatch& patch = std::get<FrictionPatch>(start.effect);
+    return (Eigen::Vector2d(patch.center_x_m, patch.center_y_m) - there).norm();
+  };
+  return *std::min_element(starts.begin(), starts.end(),
+                           [&](const Start& a, const Start& b) { return distance(a) < distance(b); });
+}
+
 }  // namespace
 
 std::map<std::string, Detectable> smallest_detectable(const Problem& problem, const Fit& final,
@@ -73,7 +87,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
   };
   for (Hypothesis hypothesis : library) {
     if (hypothesis.kind == Unmodelled::kKind) continue;
-    hypothesis.starts = {hypothesis.starts[hypothesis.starts.size() / 2]};
+    hypothesis.starts = {typical_start(hypothesis, *problem.flights)};
     hypothesis.onsets = 0.0;
     ask(std::move(hypothesis));
   }
