@@ -111,15 +111,20 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
     for (const Screened& screened : screen(problem, beside_others(final, claimed), hypotheses)) {
       const Hypothesis& hypothesis = *screened.hypothesis;
       const std::string& kind = hypothesis.kind;
-      const double nats = options.needed(hypothesis) + hypothesis.penalty;
+      double nats = options.needed(hypothesis) + hypothesis.penalty;
       if (hypothesis.map) {
         offer(kind, screened.start.linear.front(),
               screened.widths[0] * field_size(screened.information, nats));
-      } else if (screened.start.linear.empty()) {
+        continue;
+      }
+      // What the screen does not price: where, how fast, how damped.
+      const std::size_t priced = std::max<std::size_t>(1, screened.start.linear.size());
+      if (hypothesis.free.size() > priced)
+        nats += kNatsPerNumber * static_cast<double>(hypothesis.free.size() - priced);
+      if (screened.start.linear.empty()) {
         const Size size = size_of(screened.start.effect, flown);
-        const auto further = static_cast<double>(hypothesis.free.empty() ? 0 : hypothesis.free.size() - 1);
         // A dead valve's evidence grows with time, the others' with the square of their size.
-        const double share = (nats + kNatsPerNumber * further) / std::max(screened.presence, 1e-9);
+        const double share = nats / std::max(screened.presence, 1e-9);
         offer(kind, size.parameter, size.value * (kind == ThrusterDead::kKind ? share : std::sqrt(share)));
       } else {
         for (Eigen::Index p = 0; p < screened.deviation.size(); ++p) {
