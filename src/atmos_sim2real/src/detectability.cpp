@@ -136,7 +136,7 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
       }
     }
   }
-  offer(ExternalImpulse::kKind, "events", smallest_push(problem, final, options.accept_gain_of_flexible));
+  offer(ExternalImpulse::kKind, "events", smallest_push(problem, final, options.accept_gain_of_local));
   return smallest;
 }
 

@@ -18,7 +18,8 @@ namespace atmos {
 double indistinct(double gain) { return std::clamp(0.05 * gain, 3.0, 10.0); }
 
 double SearchOptions::needed(const Hypothesis& hypothesis) const {
-  return hypothesis.local || hypothesis.map ? accept_gain_of_flexible : accept_gain;
+  if (hypothesis.map) return accept_gain_of_map;
+  return hypothesis.local ? accept_gain_of_local : accept_gain;
 }
 
 bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) {
@@ -263,7 +264,6 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
   }
   // A little of what is left can be had by anything flexible, or by anything at all that is nearly collinear.
   const bool flexible = candidate.hypothesis.map || !candidate.hypothesis.law.empty();
-  if (candidate.hypothesis.map && candidate.gain < options.plain_gain) return "may be what the others leave";
   if ((flexible || candidate.gain < options.plain_gain) &&
       !wins_back(kShare, nominal_error, present_error, error))
     return "changes the motion too little to be named";
@@ -396,8 +396,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   std::vector<Claim> refused;  // had their turn
   for (;;) {
     std::vector<Hypothesis> open = unclaimed(unclaimed(library, claims), refused);
-    for (const auto& found : {find_events(problem, current, options.accept_gain_of_flexible),
-                              find_oscillations(problem, current, options.accept_gain_of_flexible)}) {
+    for (const auto& found : {find_events(problem, current, options.accept_gain_of_local),
+                              find_oscillations(problem, current, options.accept_gain_of_local)}) {
       for (const Hypothesis& hypothesis : unclaimed(unclaimed(found, claims), refused))
         open.push_back(hypothesis);
     }
