@@ -145,7 +145,7 @@ struct Sentence {
     return "drag of " + short_number(e.coefficient_n_s2_m2) + " N s2/m2 times the velocity squared";
   }
   std::string operator()(const CoulombFriction& e) const {
-    return "the bearings rub with a friction coefficient of " + short_number(e.coefficient) + " (1)";
+    return "the bearings rub with a friction coefficient of " + short_number(e.coefficient);
   }
   std::string operator()(const FrictionPatch& e) const {
     return "the floor rubs with a coefficient of " + short_number(e.coefficient) + " within " +
