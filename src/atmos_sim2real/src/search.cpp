@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
@@ -202,13 +203,16 @@ bool is_plain(const Hypothesis& hypothesis) {
 // effect: a motion capture that is distorted over the floor looks like a map of small forces too.
 constexpr double kShareOfFirstMap = 0.2;
 
+// A plain effect of so few parameters stands before a map that has not much more evidence.
+constexpr std::size_t kFew = 2;
+constexpr double kNearly = 0.8;  // of the map's gain
+
 // A map imitates one or two effects of few parameters, and a little of everything else. Where one alone
 // predicts the motion nearly as well, or two explain the flights as well as the best map does, the first goes
 // to the front.
 void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
                        const OpenLoopError& nominal_error, double looseness, const SearchOptions& options) {
-  constexpr double kShareOfOne = 0.8, kShareOfPair = 0.2;  // of the map's gain that the first has by itself
-  constexpr std::size_t kFew = 2;                          // parameters
+  constexpr double kShareOfFirst = 0.2;  // of the map's gain
   constexpr std::size_t kFirsts = 2, kSeconds = 3;
   if (tried.empty() || !tried.front().hypothesis.map) return;
   const auto to_front = [&](std::size_t first) {
@@ -221,15 +225,20 @@ void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& op
     const bool known = std::any_of(firsts.begin(), firsts.end(), [&](std::size_t other) {
       return same_subject(tried[other].hypothesis, tried[t].hypothesis);
     });
-    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShareOfPair * gain_of_map && !known)
+    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShareOfFirst * gain_of_map && !known)
       firsts.push_back(t);
   }
   if (firsts.empty()) return;
+  const OpenLoopError error_of_map = open_loop_error(problem, tried.front().fit.effects);
+  const auto nearly_as_good = [&](double gain, const Fit& plain) {
+    return gain > kNearly * gain_of_map &&
+           !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, plain.effects), error_of_map);
+  };
   const std::size_t one = firsts.front();
-  if (tried[one].gain > kShareOfOne * gain_of_map && complexity(tried[one].hypothesis) <= kFew &&
-      !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, tried[one].fit.effects),
-                 open_loop_error(problem, tried.front().fit.effects)))
+  if (complexity(tried[one].hypothesis) <= kFew && nearly_as_good(tried[one].gain, tried[one].fit))
     return to_front(one);
+  std::optional<std::size_t> first_of_best;
+  double best = -std::numeric_limits<double>::infinity();
   for (const std::size_t first : firsts) {
     std::vector<Hypothesis> others;
     for (const Hypothesis& hypothesis : open) {
@@ -241,9 +250,12 @@ void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& op
       const double together = tried[first].gain + second.gain;
       options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
                        std::to_string(together) + " nats");
-      if (together > gain_of_map - indistinct(gain_of_map)) return to_front(first);
+      if (together <= best || !nearly_as_good(together, second.fit)) continue;
+      best = together;
+      first_of_best = first;
     }
   }
+  if (first_of_best) to_front(*first_of_best);
 }
 
 // Why a candidate with enough evidence is not named all the same; empty when it is.
@@ -360,11 +372,15 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
         claim.rivals.push_back(remembered(attempt(problem, rest, candidate, looseness)));
     }
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
-    if (claim.rivals.empty() || claim.rivals.front().gain < claim.rival_reference + kClearlyBetter) continue;
-    options.progress("  " + label(claim.rivals.front().hypothesis) + " takes the place of " +
-                     label(claim.hypothesis));
-    Tried better = std::move(claim.rivals.front());
-    claim.rivals.erase(claim.rivals.begin());
+    const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
+      const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
+                            claim.rival_reference > kNearly * tried.gain;
+      return tried.gain > claim.rival_reference + kClearlyBetter && !imitates;
+    });
+    if (rival == claim.rivals.end()) continue;
+    options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
+    Tried better = std::move(*rival);
+    claim.rivals.erase(rival);
     // The newcomer is the last effect of its fit; its claim goes there too.
     claim.hypothesis = better.hypothesis;
     claim.gain = claim.rival_reference = better.gain;
