@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "atmos_model/steady_clock.h"
 #include "atmos_model_ros/messages.h"
 #include "atmos_model_ros/node.h"
 #include "atmos_operator/teleop.h"
@@ -27,9 +28,7 @@ constexpr double kLead_s = 0.03;       // a command is sent this long before its
 constexpr double kSetPoint_s = 0.1;    // between two set-points
 constexpr double kSameInstant = 1e-6;  // s
 
-// A hand's clock: it goes on when simulated time stands still.
-double steady_seconds() { return ros::SteadyTime::now().toSec(); }
-
+// The hand's time is the steady clock's: it goes on when simulated time stands still.
 class TeleopNode {
  public:
   TeleopNode(const TeleopConfig& config, const Vehicle& vehicle, TeleopMode mode)

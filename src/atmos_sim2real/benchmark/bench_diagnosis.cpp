@@ -4,7 +4,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
@@ -17,6 +16,7 @@
 
 #include "../tools/child.h"
 #include "atmos_model/benchmark_row.h"
+#include "atmos_model/steady_clock.h"
 
 namespace {
 
@@ -73,15 +73,14 @@ struct Cost {
 
 // Of a program that is to end well; its output goes to `log`.
 Cost run_measured(const std::vector<std::string>& command, const std::string& log) {
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin_s = atmos::steady_seconds();
   const pid_t child = atmos::start_child(command, log);
   int status = 0;
   rusage usage{};
   if (child <= 0 || wait4(child, &status, 0, &usage) != child || !WIFEXITED(status) ||
       WEXITSTATUS(status) != 0)
     throw std::runtime_error(command.front() + " failed: see " + log);
-  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
-  return {took.count(), static_cast<double>(usage.ru_maxrss) / 1024.0};
+  return {1e3 * (atmos::steady_seconds() - begin_s), static_cast<double>(usage.ru_maxrss) / 1024.0};
 }
 
 void bench(const std::string& name, const json& effects) {

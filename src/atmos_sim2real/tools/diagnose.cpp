@@ -82,7 +82,7 @@ nlohmann::ordered_json replayed(const Arguments& arguments, const Vehicle& vehic
     std::fprintf(stderr, "warning: not replayed in the simulator: %s\n",
                  check["skipped"].get<std::string>().c_str());
   else
-    check["on"] = held_out.empty() ? "fitted recordings" : "held-out";
+    check["on"] = held_out.empty() ? "fitted recordings" : kHeldOut;
   return check;
 }
 

@@ -160,11 +160,11 @@ def score(truth, report, errors, flight_start):
         result["right_first"] = first is not None and any(matches(first, e) for e in effects)
         result["listed"] = result["right_first"] or (
             first is not None and any(e["kind"] in text for e in effects for text in first["indistinguishable_from"]))
-        result["all_named"] = all(any(matches(c, e) for c in claims) for e in effects)
+        unnamed = [e for e in effects if not any(matches(c, e) for c in claims)]
+        result["all_named"] = not unnamed
         stated = report["mismatch"]["smallest_detectable"]
-        multiples = [stated_multiple(e, stated, truth["duration_s"]) for e in effects] if stated else []
-        result["invisible"] = [e["kind"] for e, size in zip(effects, multiples)
-                               if size is not None and size < VISIBLE and not any(matches(c, e) for c in claims)]
+        multiples = [stated_multiple(e, stated, truth["duration_s"]) for e in unnamed] if stated else []
+        result["invisible"] = [e["kind"] for e, size in zip(unnamed, multiples) if size is not None and size < VISIBLE]
         result["extra"] = [c["kind"] for c in claims if not any(matches(c, e) for e in effects)]
         thruster, onset, parameters = [], [], []
         for effect in effects:

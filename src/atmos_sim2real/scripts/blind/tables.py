@@ -2,6 +2,8 @@
 import math
 import statistics
 
+from . import scoring
+
 
 def share(values):
     values = list(values)
@@ -35,7 +37,7 @@ def visible(result):
     """Whether an effect is at least twice what the same flight without it states as the smallest detectable; for kinds of
     which nothing is stated: in the upper two thirds of its range."""
     multiple = result["score"]["multiple"]
-    return multiple >= 2.0 if multiple is not None else result["truth"]["stratum"] >= 1 / 3
+    return multiple >= scoring.VISIBLE if multiple is not None else result["truth"]["stratum"] >= 1 / 3
 
 
 def rows(results):
