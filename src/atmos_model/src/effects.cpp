@@ -129,16 +129,6 @@ bool make_effect(const std::string& kind, Effect& effect) {
   }
 }
 
-// The thruster an effect names, or 0.
-int thruster_of(const Effect& effect) {
-  return std::visit(
-      [](const auto& e) {
-        if constexpr (has_thruster<std::decay_t<decltype(e)>>) return e.thruster;
-        return 0;
-      },
-      effect);
-}
-
 // The first thing wrong with a formula; empty when it compiles.
 std::string formula_fault(const Unmodelled& law, const std::string& formula, std::size_t thrusters) {
   try {
@@ -190,6 +180,23 @@ std::vector<std::string> kinds() {
 }
 
 }  // namespace
+
+int thruster_of(const Effect& effect) {
+  return std::visit(
+      [](const auto& e) {
+        if constexpr (has_thruster<std::decay_t<decltype(e)>>) return e.thruster;
+        return 0;
+      },
+      effect);
+}
+
+void set_thruster(Effect& effect, int thruster) {
+  std::visit(
+      [thruster](auto& e) {
+        if constexpr (has_thruster<std::decay_t<decltype(e)>>) e.thruster = thruster;
+      },
+      effect);
+}
 
 const std::vector<EffectInfo>& registered_effects() {
   static const std::vector<EffectInfo> all = collect(std::make_index_sequence<std::variant_size_v<Effect>>{});

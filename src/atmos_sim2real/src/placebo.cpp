@@ -2,28 +2,12 @@
 
 #include <algorithm>
 #include <random>
-#include <type_traits>
 
 namespace atmos {
 
 namespace {
 
 using Innovations = std::vector<Eigen::VectorXd>;  // per flight
-
-template <class E, class = void>
-struct HasThruster : std::false_type {};
-template <class E>
-struct HasThruster<E, std::void_t<decltype(E::thruster)>> : std::true_type {};
-
-// The number of the thruster that an effect is about; null: of none.
-int* thruster_of(Effect& effect) {
-  return std::visit(
-      [](auto& e) -> int* {
-        if constexpr (HasThruster<std::decay_t<decltype(e)>>::value) return &e.thruster;
-        return nullptr;
-      },
-      effect);
-}
 
 // What going from `without` to `with` gains when it may go further, or less far, or the other way.
 double best_gain(const Innovations& from, const Innovations& without, const Innovations& with) {
@@ -63,14 +47,13 @@ std::vector<Placebo> placebo_checks(const Problem& problem, const Fit& final, st
     without.push_back(innovations_of(problem, others[i]));
     checks[i].as_claimed = best_gain(without[i], without[i], final.innovations);
 
+    const int own = thruster_of(final.effects[i]);
+    if (own == 0) continue;
     std::vector<Effect> moved = final.effects;
-    int* const thruster = thruster_of(moved[i]);
-    if (thruster == nullptr) continue;
-    const int own = *thruster;
     checks[i].wrong_thruster = 0.0;
     for (int other = 1; other <= static_cast<int>(problem.vehicle->thrusters.size()); ++other) {
       if (other == own) continue;
-      *thruster = other;
+      set_thruster(moved[i], other);
       const double gain = best_gain(without[i], without[i], innovations_of(problem, moved));
       if (gain < *checks[i].wrong_thruster) continue;
       checks[i].wrong_thruster = gain;

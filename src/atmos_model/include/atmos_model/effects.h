@@ -63,6 +63,10 @@ struct EffectInfo {
 const std::vector<EffectInfo>& registered_effects();
 // "supply_coupling".
 std::string kind_of(const Effect& effect);
+// The thruster that an effect is about, counted from 1; 0: none.
+int thruster_of(const Effect& effect);
+// Makes it about another one; without effect where it is about none.
+void set_thruster(Effect& effect, int thruster);
 
 // Why an effect cannot act on a vehicle (a thruster it does not have, more sloshing mass than there is), as a
 // rule; empty when it can.
