@@ -45,40 +45,57 @@ class ExpressionParser {
     if (pushes && ++depth_ > Expression::kMaxDepth) fail("a formula less deeply nested");
     steps_.push_back(step);
   }
-  void emit_binary(Op op) {
+  // `left`, `right`: where the steps of the operands begin.
+  void emit_binary(Op op, std::size_t left, std::size_t right) {
     --depth_;
-    emit({op});
+    const bool nothing_left = is_zero(left, right), nothing_right = is_zero(right, steps_.size());
+    if (op == Op::kMultiply && (nothing_left || nothing_right)) {
+      steps_.resize(left);
+      emit({Op::kNumber, 0.0});
+    } else if ((op == Op::kAdd || op == Op::kSubtract) && nothing_right) {
+      steps_.resize(right);
+    } else if (op == Op::kAdd && nothing_left) {
+      steps_.erase(steps_.begin() + static_cast<long>(left), steps_.begin() + static_cast<long>(right));
+    } else {
+      emit({op});
+    }
+  }
+
+  bool is_zero(std::size_t begin, std::size_t end) const {
+    return end == begin + 1 && steps_[begin].op == Op::kNumber && steps_[begin].number == 0.0;
+  }
+
+  // Squares are what most powers are, and pow() is slow.
+  void emit_power(std::size_t left, std::size_t right) {
+    const Expression::Step exponent = steps_.back();
+    if (exponent.op != Op::kNumber || exponent.number != 2.0) return emit_binary(Op::kPower, left, right);
+    --depth_;
+    steps_.back() = {Op::kSquare};
   }
 
   void sum() {
     if (++nesting_ > Expression::kMaxDepth) fail("a formula less deeply nested");
+    const std::size_t left = steps_.size();
     product();
     for (;;) {
-      if (take('+')) {
-        product();
-        emit_binary(Op::kAdd);
-      } else if (take('-')) {
-        product();
-        emit_binary(Op::kSubtract);
-      } else {
-        break;
-      }
+      const Op op = take('+') ? Op::kAdd : Op::kSubtract;
+      if (op == Op::kSubtract && !take('-')) break;
+      const std::size_t right = steps_.size();
+      product();
+      emit_binary(op, left, right);
     }
     --nesting_;
   }
 
   void product() {
+    const std::size_t left = steps_.size();
     unary();
     for (;;) {
-      if (take('*')) {
-        unary();
-        emit_binary(Op::kMultiply);
-      } else if (take('/')) {
-        unary();
-        emit_binary(Op::kDivide);
-      } else {
-        return;
-      }
+      const Op op = take('*') ? Op::kMultiply : Op::kDivide;
+      if (op == Op::kDivide && !take('/')) return;
+      const std::size_t right = steps_.size();
+      unary();
+      emit_binary(op, left, right);
     }
   }
 
@@ -91,12 +108,14 @@ class ExpressionParser {
         break;
       }
     }
+    const std::size_t left = steps_.size();
     atom();
     if (take('^')) {
       if (++nesting_ > Expression::kMaxDepth) fail("a formula less deeply nested");
+      const std::size_t right = steps_.size();
       unary();
       --nesting_;
-      emit_binary(Op::kPower);
+      emit_power(left, right);
     }
     if (negative) emit({Op::kNegate});
   }

@@ -39,6 +39,15 @@ TEST(Expression, KnowsVariablesConstantsAndFunctions) {
   EXPECT_EQ(Expression().evaluate<double>(nullptr), 0.0);
 }
 
+TEST(Expression, LeavesOutWhatIsMultipliedByZero) {
+  EXPECT_EQ(value("x + 0 * (1 / 0) - y_1"), 5.0);
+  EXPECT_EQ(value("(1 / 0) * 0 - x"), -3.0);
+  EXPECT_EQ(value("0 * x * y_1 + 0"), 0.0);
+  EXPECT_EQ(value("0 * x - 2 * x ^ 2"), -18.0);
+  EXPECT_EQ(value("2 ^ (0 * x)"), 1.0);
+  EXPECT_EQ(value("-(0 * x) + 4 / (x + 0)"), 4.0 / 3.0);
+}
+
 TEST(Expression, SaysWhereItFails) {
   EXPECT_NE(complaint("1 + ").find("position 5"), std::string::npos) << complaint("1 + ");
   EXPECT_NE(complaint("speed").find("\"speed\""), std::string::npos);

@@ -323,6 +323,8 @@ def page(report, figures):
 
 def main():
     folder = sys.argv[1]
+    if not sys.stdin.readline():
+        return  # whoever started this has nothing to draw
     with open(os.path.join(folder, "report.json")) as source:
         report = json.load(source)
     with open(os.path.join(folder, "plots.json")) as source:

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 
 #include "atmos_sim2real/floor_map.h"
@@ -43,10 +44,13 @@ struct Finder {
   void operator()(const ParameterInfo&, Other&) {}
 };
 
-// Sets every number of a map to 0; what places the map stays.
+// Sets every number of a map or law to 0; what places the map stays.
 struct ZeroNumbers {
   void operator()(const ParameterInfo&, GridRows& rows) const {
     for (auto& row : rows) std::fill(row.begin(), row.end(), 0.0);
+  }
+  void operator()(const ParameterInfo&, std::map<std::string, Unmodelled::Coefficient>& coefficients) const {
+    for (auto& [name, coefficient] : coefficients) coefficient.value = 0.0;
   }
   template <class Other>
   void operator()(const ParameterInfo&, Other&) const {}
@@ -249,15 +253,11 @@ Eigen::VectorXd own_motion(const Problem& problem, const Effect& effect, const s
   return innovations(flight, forces, noise);
 }
 
-// Sum of J' J over the flights; the axes of a flight are worked on side by side. Of `known`, the same sum for
-// an earlier J, what belongs to linear parameters alone still holds.
-Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::vector<FreeParameter>& free,
-                            const Eigen::MatrixXd* known) {
+// Sum of J' J over the flights; the axes of a flight are worked on side by side. `known`: the same sum for an
+// earlier J, of which all but the columns that have `moved` still holds.
+Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::vector<Eigen::Index>& moved,
+                            const Eigen::MatrixXd& known) {
   const Eigen::Index n = J.front().cols();
-  std::vector<Eigen::Index> moved;
-  for (Eigen::Index p = 0; p < n; ++p) {
-    if (known == nullptr || !free[static_cast<std::size_t>(p)].linear) moved.push_back(p);
-  }
   const auto m = static_cast<Eigen::Index>(moved.size());
   constexpr Eigen::Index kStretches = 2;  // of an axis, so that no core waits for the last one
   std::vector<Eigen::MatrixXd> parts(J.size() * kAxes * kStretches, Eigen::MatrixXd::Zero(n, m));
@@ -273,7 +273,8 @@ Eigen::MatrixXd information(const std::vector<Eigen::MatrixXd>& J, const std::ve
     else
       parts[job].noalias() = rows.transpose() * Eigen::MatrixXd(rows(Eigen::all, moved));
   });
-  Eigen::MatrixXd sum = known == nullptr ? Eigen::MatrixXd::Zero(n, n) : *known;
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(n, n);
+  sum.topLeftCorner(known.rows(), known.cols()) = known;
   for (Eigen::Index k = 0; k < m; ++k) {
     const Eigen::Index p = moved[static_cast<std::size_t>(k)];
     sum.col(p).setZero();
@@ -290,8 +291,10 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
   if (free.linear) {
     std::visit([](auto& e) { e.parameters(e, ZeroNumbers{}); }, moved[free.effect]);
     parameter(moved, free) = 1.0;
-    const Reach reach = reach_of_node(moved[free.effect], free.element, *problem.vehicle);
-    return own_motion(problem, moved[free.effect], at.effects, f, at.noise, &reach);
+    std::optional<Reach> reach;
+    if (over_the_floor(moved[free.effect]))
+      reach = reach_of_node(moved[free.effect], free.element, *problem.vehicle);
+    return own_motion(problem, moved[free.effect], at.effects, f, at.noise, reach ? &*reach : nullptr);
   }
   double& value = parameter(moved, free);
   // Step away from the nearer bound.
@@ -309,6 +312,22 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
 }
 
 }  // namespace
+
+bool acts_through_thrusters(const Effect& effect) {
+  return !acts_from_outside(effect) && !shapes_response(effect) &&
+         !std::holds_alternative<MassDepletion>(effect) && !std::holds_alternative<Slosh>(effect) &&
+         !std::holds_alternative<BearingDown>(effect);
+}
+
+std::optional<Fit> without_outside(const Problem& problem, const Fit& fit) {
+  std::vector<Effect> rest;
+  for (const Effect& effect : fit.effects) {
+    if (std::holds_alternative<Slosh>(effect)) return std::nullopt;
+    if (!acts_from_outside(effect)) rest.push_back(effect);
+  }
+  if (rest.size() == fit.effects.size()) return std::nullopt;
+  return evaluate(problem, std::move(rest), {}, fit.noise);
+}
 
 Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Effect& effect,
                                 std::size_t flight) {
@@ -341,19 +360,25 @@ std::vector<Eigen::MatrixXd> empty_columns(const Fit& fit) {
   return columns;
 }
 
-// Recomputes the columns that `which` names, in place.
-template <class Which>
-void fill_columns(const Problem& problem, const Fit& at, const std::vector<FreeParameter>& free,
-                  const Which& which, std::vector<Eigen::MatrixXd>& columns) {
-  std::vector<std::size_t> wanted;
-  for (std::size_t p = 0; p < free.size(); ++p) {
-    if (which(free[p])) wanted.push_back(p);
-  }
+// Computes the columns of `wanted` parameters, in place.
+void fill_columns(const Problem& problem, const Fit& at, const std::vector<Eigen::Index>& wanted,
+                  std::vector<Eigen::MatrixXd>& columns) {
   const std::size_t flights = columns.size();
   in_parallel(flights * wanted.size(), [&](std::size_t job) {
-    const std::size_t f = job % flights, p = wanted[job / flights];
-    columns[f].col(static_cast<Eigen::Index>(p)) = column(problem, at, at.innovations[f], free[p], f);
+    const std::size_t f = job % flights;
+    const Eigen::Index p = wanted[job / flights];
+    columns[f].col(p) = column(problem, at, at.innovations[f], at.free[static_cast<std::size_t>(p)], f);
   });
+}
+
+// Of a fit's parameters those whose columns change with it, and from the `known`th on all.
+std::vector<Eigen::Index> unknown_columns(const Fit& fit, Eigen::Index known) {
+  std::vector<Eigen::Index> unknown;
+  for (std::size_t p = 0; p < fit.free.size(); ++p) {
+    const auto index = static_cast<Eigen::Index>(p);
+    if (index >= known || !fit.free[p].linear) unknown.push_back(index);
+  }
+  return unknown;
 }
 
 }  // namespace
@@ -362,9 +387,9 @@ std::shared_ptr<const Linearisation> linearisation_of(const Problem& problem, co
   if (fit.linearisation != nullptr) return fit.linearisation;
   auto made = std::make_shared<Linearisation>();
   made->columns = empty_columns(fit);
-  fill_columns(
-      problem, fit, fit.free, [](const FreeParameter&) { return true; }, made->columns);
-  made->information = information(made->columns, fit.free, nullptr);
+  const std::vector<Eigen::Index> all = unknown_columns(fit, 0);
+  fill_columns(problem, fit, all, made->columns);
+  made->information = information(made->columns, all, Eigen::MatrixXd());
   return made;
 }
 
@@ -403,21 +428,22 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
-  const bool known = current.linearisation != nullptr;
   std::vector<Eigen::MatrixXd> J;
-  if (known && current.linearisation.use_count() == 1) {
+  Eigen::MatrixXd H, data;
+  if (current.linearisation != nullptr) data = current.linearisation->information;
+  if (data.rows() == n && current.linearisation.use_count() == 1) {
     J = std::move(std::const_pointer_cast<Linearisation>(current.linearisation)->columns);  // nobody else's
   } else {
     J = empty_columns(current);
-    for (std::size_t f = 0; f < J.size() && known; ++f) J[f] = current.linearisation->columns[f];
+    for (std::size_t f = 0; f < J.size() && data.rows() > 0; ++f)
+      J[f].leftCols(data.cols()) = current.linearisation->columns[f];
   }
-  Eigen::MatrixXd H, data = known ? current.linearisation->information : Eigen::MatrixXd();
+  current.linearisation.reset();
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
-    fill_columns(
-        problem, current, current.free,
-        [&](const FreeParameter& free) { return (iteration == 0 && !known) || !free.linear; }, J);
-    data = information(J, current.free, iteration == 0 && !known ? nullptr : &data);
+    const std::vector<Eigen::Index> unknown = unknown_columns(current, data.cols());
+    fill_columns(problem, current, unknown, J);
+    data = information(J, unknown, data);
     H = prior + data;
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
@@ -504,15 +530,19 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
 }
 
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
-        const NoiseModel& noise, FitEffort effort) {
+        const NoiseModel& noise, FitEffort effort, std::shared_ptr<const Linearisation> known) {
   const bool thorough = effort == FitEffort::kThorough;
   bool settled;
-  Fit best = refine(problem, evaluate(problem, std::move(effects), std::move(free), noise), thorough ? 4 : 2,
-                    settled);
+  Fit start = evaluate(problem, std::move(effects), std::move(free), noise);
+  start.linearisation = std::move(known);
+  Fit best = refine(problem, std::move(start), thorough ? 4 : 2, settled);
   for (int round = 0; round < (thorough ? 2 : 1); ++round) {
     const NoiseModel level = profile_noise(problem, best.effects, best.noise, round == 0);
-    if (settled && level == best.noise) continue;
-    best = refine(problem, evaluate(problem, best.effects, best.free, level), 3, settled);
+    const bool same_noise = level == best.noise;
+    if (settled && same_noise) continue;
+    Fit again = evaluate(problem, best.effects, best.free, level);
+    if (same_noise) again.linearisation = std::move(best.linearisation);
+    best = refine(problem, std::move(again), 3, settled);
   }
   return best;
 }

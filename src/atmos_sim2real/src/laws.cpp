@@ -115,6 +115,7 @@ Hypothesis wandering(const std::string& name, double duration_s, double spacing,
   }
   Hypothesis hypothesis = law(name, formulas[0], formulas[1], formulas[2], coefficients);
   hypothesis.map = true;
+  for (FreeParameter& bell : hypothesis.free) bell.linear = true;
   return hypothesis;
 }
 

@@ -173,8 +173,9 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
        kX, kY},
       {[&](NoiseModel& n, double f) { clamp(n.distortion[kYaw], f, 1e-6, 0.05); }, kYaw, kYaw},
   };
-  constexpr double kBetter = 1e-6;  // nats
+  constexpr double kBetter = 1e-6, kWorthTheChange = 0.3;  // nats
   AxisScores scores = scores_of({best}, kX, kYaw).front();
+  const AxisScores at_start = scores;
   // Moves there if the axes of the level gain by it.
   const auto take_better = [&](const Level& level, const NoiseModel& trial, const AxisScores& trial_scores) {
     double gain = 0.0;
@@ -203,7 +204,9 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
       }
     }
   }
-  return best;
+  double gain = 0.0;
+  for (int axis = 0; axis < kAxes; ++axis) gain += scores[axis] - at_start[axis];
+  return gain > kWorthTheChange ? best : start;
 }
 
 }  // namespace atmos

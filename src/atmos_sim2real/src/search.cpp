@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <optional>
@@ -51,7 +52,8 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
   const Hypothesis& hypothesis = *candidate.hypothesis;
   Fit extended = with(current, hypothesis, candidate);
   clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise);
+  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, FitEffort::kThorough,
+                   current.linearisation);
   if (std::holds_alternative<FrictionPatch>(fitted.effects.back())) {
     fitted = refine_patch(problem, std::move(fitted), fitted.effects.size() - 1, looseness);
     smooth_all(problem, current.effects, current.noise, looseness);
@@ -64,7 +66,35 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
   if (over_the_floor(fitted.effects.back()))
     fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
   const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
+  // Of the linearisation, which may be large, nothing is kept: it can be had again.
+  fitted.linearisation.reset();
   return {hypothesis, std::move(fitted), std::isnan(gain) ? -std::numeric_limits<double>::infinity() : gain};
+}
+
+// One screened hypothesis beside one model.
+struct Attempt {
+  const Fit* beside;
+  const Screened* candidate;
+};
+
+// All of them, side by side but for those that smooth the flights along their own way.
+std::vector<Tried> attempts(const Problem& problem, const std::vector<Attempt>& wanted, double looseness) {
+  std::vector<Tried> tried(wanted.size());
+  std::vector<std::size_t> alone, together;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const bool patch = std::holds_alternative<FrictionPatch>(wanted[i].candidate->start.effect);
+    (patch ? alone : together).push_back(i);
+  }
+  // What takes longest goes first.
+  std::stable_sort(together.begin(), together.end(), [&](std::size_t a, std::size_t b) {
+    return wanted[a].candidate->hypothesis->free.size() > wanted[b].candidate->hypothesis->free.size();
+  });
+  const auto make = [&](std::size_t i) {
+    tried[i] = attempt(problem, *wanted[i].beside, *wanted[i].candidate, looseness);
+  };
+  in_parallel(together.size(), [&](std::size_t k) { make(together[k]); });
+  for (const std::size_t i : alone) make(i);
+  return tried;
 }
 
 // How far open-loop motion over 5 s strays from the recording when it starts on the smoothed motion: root
@@ -120,12 +150,6 @@ std::string label(const Hypothesis& hypothesis) {
 
 bool by_gain(const Tried& a, const Tried& b) { return a.gain > b.gain; }
 
-// What is remembered of a fit: its linearisation may be large, and can be had again.
-Tried remembered(Tried tried) {
-  tried.fit.linearisation.reset();
-  return tried;
-}
-
 // Velocities smoothed under the model so far favour candidates that resemble it: where the best are close,
 // each is judged along the motion that it implies itself. `tried`: best first, before and after.
 void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness,
@@ -144,6 +168,7 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
   for (auto t = tried.begin(); t != end; ++t) {
     smooth_all(problem, t->fit.effects, t->fit.noise, looseness);
     t->fit = fit(problem, t->fit.effects, t->fit.free, t->fit.noise);
+    t->fit.linearisation.reset();
     evidence.push_back(t->fit.evidence - choices_of(t->hypothesis));
   }
   for (auto t = tried.begin(); t != end; ++t) {
@@ -209,33 +234,39 @@ constexpr double kNearly = 0.8;  // of the map's gain
 
 // A map imitates one or two effects of few parameters, and a little of everything else. Where one alone
 // predicts the motion nearly as well, or two explain the flights as well as the best map does, the first goes
-// to the front.
-void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& open, std::vector<Tried>& tried,
-                       const OpenLoopError& nominal_error, double looseness, const SearchOptions& options) {
-  constexpr double kShareOfFirst = 0.2;  // of the map's gain
+// to the front. A law outside the vocabulary, and what happened once or in one place, gives way to two plain
+// effects that explain more.
+void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>& open,
+                          std::vector<Tried>& tried, const OpenLoopError& nominal_error, double looseness,
+                          const SearchOptions& options) {
+  constexpr double kShareOfFirst = 0.2;  // of the gain of what is in front
+  constexpr double kMore = 3.0;          // nats
   constexpr std::size_t kFirsts = 2, kSeconds = 3;
-  if (tried.empty() || !tried.front().hypothesis.map) return;
+  if (tried.empty() || is_plain(tried.front().hypothesis)) return;
+  const bool map = tried.front().hypothesis.map;
   const auto to_front = [&](std::size_t first) {
     std::rotate(tried.begin(), tried.begin() + static_cast<long>(first),
                 tried.begin() + static_cast<long>(first) + 1);
   };
-  const double gain_of_map = tried.front().gain;
+  const double gain_in_front = tried.front().gain;
   std::vector<std::size_t> firsts;
   for (std::size_t t = 0; t < tried.size() && firsts.size() < kFirsts; ++t) {
     const bool known = std::any_of(firsts.begin(), firsts.end(), [&](std::size_t other) {
       return same_subject(tried[other].hypothesis, tried[t].hypothesis);
     });
-    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShareOfFirst * gain_of_map && !known)
+    if (is_plain(tried[t].hypothesis) && tried[t].gain > kShareOfFirst * gain_in_front && !known)
       firsts.push_back(t);
   }
   if (firsts.empty()) return;
-  const OpenLoopError error_of_map = open_loop_error(problem, tried.front().fit.effects);
-  const auto nearly_as_good = [&](double gain, const Fit& plain) {
-    return gain > kNearly * gain_of_map &&
-           !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, plain.effects), error_of_map);
+  const OpenLoopError error_in_front = open_loop_error(problem, tried.front().fit.effects);
+  const auto as_good = [&](double gain, const Fit& plain) {
+    if (!map) return gain > gain_in_front + kMore;
+    return gain > kNearly * gain_in_front &&
+           !wins_back(kShareOfFirstMap, nominal_error, open_loop_error(problem, plain.effects),
+                      error_in_front);
   };
   const std::size_t one = firsts.front();
-  if (complexity(tried[one].hypothesis) <= kFew && nearly_as_good(tried[one].gain, tried[one].fit))
+  if (complexity(tried[one].hypothesis) <= kFew && as_good(tried[one].gain, tried[one].fit))
     return to_front(one);
   std::optional<std::size_t> first_of_best;
   double best = -std::numeric_limits<double>::infinity();
@@ -250,7 +281,7 @@ void plain_before_maps(const Problem& problem, const std::vector<Hypothesis>& op
       const double together = tried[first].gain + second.gain;
       options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
                        std::to_string(together) + " nats");
-      if (together <= best || !nearly_as_good(together, second.fit)) continue;
+      if (together <= best || !as_good(together, second.fit)) continue;
       best = together;
       first_of_best = first;
     }
@@ -346,32 +377,37 @@ std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const
 }
 
 // An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
-// of each in its place, beside all others. `without_each`: the model without each effect. Whether one was
-// replaced.
-bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims,
-                const std::vector<Fit>& without_each, const std::vector<Hypothesis>& library,
-                double looseness, const SearchOptions& options) {
+// of each in its place, beside all others. `screening`: of the final model. `without_each`: that model
+// without each effect. Whether one was replaced.
+bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims, const Screening& screening,
+                const std::vector<Fit>& without_each, double looseness, const SearchOptions& options) {
   constexpr double kClearlyBetter = 3.0;  // nats
   constexpr std::size_t kRivals = 3;
-  const std::vector<Hypothesis> open = unclaimed(library, claims);
+  std::vector<std::vector<Screened>> promising;  // per claim
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    // Screens shrink differences, but not to less than half.
+    promising.push_back(shortlist(screening.in_place_of(i), kRivals));
+    const double least = 0.5 * (screening.worth(i) - choices_of(claims[i].hypothesis));
+    promising.back().erase(std::remove_if(promising.back().begin(), promising.back().end(),
+                                          [&](const Screened& rival) { return rival.score < least; }),
+                           promising.back().end());
+  }
+  std::vector<Attempt> wanted;
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    for (const Screened& rival : promising[i]) wanted.push_back({&without_each[i], &rival});
+  }
+  std::vector<Tried> tried = attempts(problem, wanted, looseness);
+  auto next = tried.begin();
   for (std::size_t i = 0; i < claims.size(); ++i) {
     Claim& claim = claims[i];
-    const Fit& rest = without_each[i];
-    claim.rivals.clear();
-    claim.rival_reference = current.evidence - rest.evidence - choices_of(claim.hypothesis);
-    // The claim's own score is what a rival's is measured by: screens shrink differences, but not to less
-    // than half.
-    std::vector<Hypothesis> asked = open;
-    asked.push_back(claim.hypothesis);
-    std::vector<Screened> scored = screen(problem, rest, asked);
-    const auto is_own = [&](const Screened& screened) { return screened.hypothesis == &asked.back(); };
-    const double own = std::find_if(scored.begin(), scored.end(), is_own)->score;
-    scored.erase(std::remove_if(scored.begin(), scored.end(), is_own), scored.end());
-    for (const Screened& candidate : shortlist(scored, kRivals)) {
-      if (candidate.score > 0.5 * own)
-        claim.rivals.push_back(remembered(attempt(problem, rest, candidate, looseness)));
-    }
+    const auto end = next + static_cast<long>(promising[i].size());
+    claim.rivals.assign(std::make_move_iterator(next), std::make_move_iterator(end));
+    next = end;
+    claim.rival_reference = current.evidence - without_each[i].evidence - choices_of(claim.hypothesis);
     std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
+  }
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    Claim& claim = claims[i];
     const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
       const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
                             claim.rival_reference > kNearly * tried.gain;
@@ -410,32 +446,40 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
   constexpr int kDraws = 60;
   std::vector<Claim> refused;  // had their turn
+  std::vector<Hypothesis> open;
+  std::optional<NoiseAlone> alone;
+  std::optional<Screening> screening;
   for (;;) {
-    std::vector<Hypothesis> open = unclaimed(unclaimed(library, claims), refused);
+    screening.reset();
+    open = unclaimed(library, claims);
     for (const auto& found : {find_events(problem, current, options.accept_gain_of_local),
                               find_oscillations(problem, current, options.accept_gain_of_local)}) {
-      for (const Hypothesis& hypothesis : unclaimed(unclaimed(found, claims), refused))
-        open.push_back(hypothesis);
+      for (const Hypothesis& hypothesis : unclaimed(found, claims)) open.push_back(hypothesis);
     }
     options.progress("screening " + std::to_string(open.size()) + " hypotheses beside " +
                      std::to_string(claims.size()) + " effects");
     const bool first = !result.p_value_of_screen;
-    std::optional<NoiseAlone> alone;
     if (first) alone = noise_alone(problem, current, kDraws, options.seed);
-    const std::vector<Screened> scored = screen(problem, current, open, first ? &*alone : nullptr);
+    screening.emplace(problem, current, open, first ? &*alone : nullptr);
+    std::vector<Screened> scored = screening->beside();
     if (first) result.p_value_of_screen = p_value(scored);
     if (claims.size() >= options.most_effects) break;
+    scored.erase(
+        std::remove_if(scored.begin(), scored.end(),
+                       [&](const Screened& screened) { return is_claimed(refused, *screened.hypothesis); }),
+        scored.end());
 
-    std::vector<Tried> tried;
-    for (const Screened& candidate : shortlist(scored, options.fitted_per_step)) {
-      tried.push_back(remembered(attempt(problem, current, candidate, looseness)));
-      options.progress("  " + label(*candidate.hypothesis) + ": " + std::to_string(tried.back().gain) +
-                       " nats (screen " + std::to_string(candidate.score) + ")");
-    }
+    const std::vector<Screened> promising = shortlist(scored, options.fitted_per_step);
+    std::vector<Attempt> wanted;
+    for (const Screened& candidate : promising) wanted.push_back({&current, &candidate});
+    std::vector<Tried> tried = attempts(problem, wanted, looseness);
+    for (std::size_t t = 0; t < tried.size(); ++t)
+      options.progress("  " + label(tried[t].hypothesis) + ": " + std::to_string(tried[t].gain) +
+                       " nats (screen " + std::to_string(promising[t].score) + ")");
     std::sort(tried.begin(), tried.end(), by_gain);
     play_off(problem, current, tried, looseness, options);
     simplest_of_equals_first(tried);
-    plain_before_maps(problem, open, tried, nominal_error, looseness, options);
+    plain_before_strange(problem, open, tried, nominal_error, looseness, options);
 
     const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
@@ -451,14 +495,14 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
                   tried[t].gain};
       current = tried[t].fit;
       for (std::size_t r = 0; r < tried.size(); ++r) {
-        if (r != t) claim.rivals.push_back(remembered(std::move(tried[r])));
+        if (r != t) claim.rivals.push_back(std::move(tried[r]));
       }
       options.progress("accepted " + label(claim.hypothesis));
       claims.push_back(std::move(claim));
       accepted = true;
     }
     if (!accepted) {
-      for (Tried& rejected : tried) result.rejected.push_back(remembered(std::move(rejected)));
+      result.rejected = std::move(tried);
       break;
     }
     // Velocities under the better model, then everything again at its noise.
@@ -495,7 +539,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   }
 
   std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
-  if (claims.size() > 1 && reconsider(problem, current, claims, without_each, library, looseness, options))
+  if (claims.size() > 1 && reconsider(problem, current, claims, *screening, without_each, looseness, options))
     without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);

@@ -1,11 +1,13 @@
 // diagnose: why recordings differ from the simulation. Writes report.json, report.html, model.yaml, figures/.
 #include <malloc.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -43,16 +45,44 @@ void refuse_repeated_bags(const Arguments& arguments) {
 }
 
 // Draws the figures and the page; they are a view of report.json, so that a failure costs only themselves.
-bool draw(const std::string& out) {
-  const pid_t child = fork();
-  if (child == 0) {
+// The script is started early, as its libraries take a while to load, and waits for a line.
+class Drawing {
+ public:
+  explicit Drawing(const std::string& out) {
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends_) != 0) return;
+    child_ = fork();
+    if (child_ != 0) return;
+    dup2(ends_[0], STDIN_FILENO);
     unsetenv("PYTHONPATH");
     execl("/usr/bin/python3", "python3", REPORT_SCRIPT, out.c_str(), static_cast<char*>(nullptr));
     _exit(127);
   }
-  int status = 0;
-  return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
+  Drawing(const Drawing&) = delete;
+  Drawing& operator=(const Drawing&) = delete;
+  ~Drawing() { ended(); }
+
+  // Whether it was drawn.
+  bool draw() {
+    const bool told = child_ > 0 && send(ends_[1], "\n", 1, MSG_NOSIGNAL) == 1;
+    return ended() && told;
+  }
+
+ private:
+  bool ended() {
+    for (int& end : ends_) {
+      if (end >= 0) close(end);
+      end = -1;
+    }
+    if (child_ <= 0) return false;
+    int status = 0;
+    const bool waited = waitpid(child_, &status, 0) == child_;
+    child_ = 0;
+    return waited && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  }
+
+  int ends_[2] = {-1, -1};
+  pid_t child_ = 0;
+};
 
 void print_summary(const nlohmann::ordered_json& summary) {
   say("verdict: " + summary["verdict"].get<std::string>());
@@ -125,21 +155,25 @@ void run(const Arguments& arguments) {
   SearchOptions options;
   options.progress = say;
   Diagnosis diagnosis = diagnose(vehicle, known, flights, options);
-  say("predicting open loop");
   const Problem problem{&vehicle, known, &flights};
+  Drawing drawing(arguments.out);
+  say("replaying in the simulator");
+  auto ode_check = std::async(std::launch::async, [&] {
+    return replayed(arguments, vehicle, known, claimed_effects(diagnosis), flights, held_out);
+  });
+  say("predicting open loop");
   const Proof proof = held_out.empty() ? prove_on_blocks(problem, diagnosis.search.final)
                                        : prove_held_out(problem, diagnosis.search.final, held_out);
   judge_by(proof, diagnosis);
 
   nlohmann::ordered_json summary = report(diagnosis, problem, proof);
   plan_next(arguments, diagnosis, problem, summary);
-  say("replaying in the simulator");
-  summary["ode_check"] = replayed(arguments, vehicle, known, claimed_effects(diagnosis), flights, held_out);
+  summary["ode_check"] = ode_check.get();
   write_text(out + "model.yaml", write_model(claimed_effects(diagnosis)));
   write_text(out + "plots.json", plot_data(diagnosis, problem, proof).dump());
   write_text(out + "report.json", summary.dump(1) + "\n");
   say("drawing the report");
-  if (!draw(arguments.out))
+  if (!drawing.draw())
     std::fprintf(stderr, "warning: the figures and report.html could not be drawn; report.json stands\n");
   print_summary(summary);
   say("written: " + out + "report.json, report.html, model.yaml, figures/");
@@ -161,7 +195,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   // Columns come and go by the thousand: their memory is kept instead of asked for anew each time.
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
+  mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, 256 << 20);
   return with_clear_errors([&] { run(arguments); });
 }

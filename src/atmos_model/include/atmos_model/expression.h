@@ -1,5 +1,5 @@
 // Formulas of model.yaml's `unmodelled`: + - * / ^ and sin cos tanh exp sqrt abs of named variables and
-// coefficients.
+// coefficients. What is multiplied by a number or coefficient that is 0 is left out, whatever it would be.
 #pragma once
 
 #include <cmath>
@@ -37,6 +37,7 @@ class Expression {
     kMultiply,
     kDivide,
     kPower,
+    kSquare,
     kNegate,
     kSin,
     kCos,
@@ -94,6 +95,9 @@ S Expression::evaluate(const S* values) const {
       case Op::kPower:
         --top;
         stack[top - 1] = pow(stack[top - 1], stack[top]);
+        break;
+      case Op::kSquare:
+        stack[top - 1] = stack[top - 1] * stack[top - 1];
         break;
       case Op::kNegate:
         stack[top - 1] = -stack[top - 1];

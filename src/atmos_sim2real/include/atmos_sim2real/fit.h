@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -96,12 +97,21 @@ void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight);
 
+// Whether an effect changes what the thrusters push, and nothing else.
+bool acts_through_thrusters(const Effect& effect);
+
+// The fit evaluated without what pushes from outside: beside it the columns of effects that act through
+// thrusters are the same and cheaper. None where nothing pushes from outside, or where sloshing fuel answers
+// to every push.
+std::optional<Fit> without_outside(const Problem& problem, const Fit& fit);
+
 // What a further effect, as it stands, changes of one flight's innovations.
 Eigen::VectorXd presence_column(const Problem& problem, const Fit& at, const Effect& effect,
                                 std::size_t flight);
 
 // Gauss-Newton with step control from the given effects, at most `iterations` steps; bounds of the parameters
-// hold. A linearisation that the start has is believed for the linear parameters.
+// hold. A linearisation that the start has, of all its parameters or the first of them, is believed for the
+// linear ones.
 Fit refine(const Problem& problem, Fit start, int iterations);
 
 // The noise under which the flights are most likely, given these effects.
@@ -109,8 +119,10 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
                          bool thorough);
 
 // The same with the noise level profiled in between: twice, or once where the start is nearly a fit already.
+// `known`: a linearisation at this noise, believed as refine() does.
 enum class FitEffort { kThorough, kQuick };
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
-        const NoiseModel& noise, FitEffort effort = FitEffort::kThorough);
+        const NoiseModel& noise, FitEffort effort = FitEffort::kThorough,
+        std::shared_ptr<const Linearisation> known = nullptr);
 
 }  // namespace atmos

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "atmos_sim2real/library.h"
@@ -34,6 +35,27 @@ struct NoiseAlone {
   std::vector<Flips> flights;
 };
 NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::uint32_t seed);
+
+// The columns of all hypotheses beside one model: computed once, asked in several ways. Problem, fit, library
+// and noise must live as long.
+class Screening {
+ public:
+  // `imagined`: where given, it is also scored what noise alone would score.
+  Screening(const Problem& problem, const Fit& fit, const std::vector<Hypothesis>& library,
+            const NoiseAlone* imagined = nullptr);
+  ~Screening();
+
+  // Every start of every hypothesis beside the model, best first.
+  std::vector<Screened> beside() const;
+  // The same in the place of one effect of the model, to first order: the others make room.
+  std::vector<Screened> in_place_of(std::size_t effect) const;
+  // What the effect itself gains there, prior and Occam factor not taken off. [nats]
+  double worth(std::size_t effect) const;
+
+ private:
+  struct Made;
+  std::unique_ptr<Made> made_;
+};
 
 // Scores all hypotheses beside `base`, best first; where given, also what they would score on noise alone.
 std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library,

@@ -52,7 +52,7 @@ struct SearchOptions {
   double plain_gain =
       40.0;  // above it, an effect of few parameters is named however little it moves the robot
   double least_inclusion = 0.8;
-  std::size_t most_effects = 5;
+  std::size_t most_effects = 8;
   std::size_t fitted_per_step = 6;
   std::uint32_t seed = 1;  // of the resampling
   std::function<void(const std::string&)> progress = [](const std::string&) {};

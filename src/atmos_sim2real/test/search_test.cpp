@@ -1,0 +1,111 @@
+#include "atmos_sim2real/search.h"
+
+#include <gtest/gtest.h>
+
+#include "synthetic.h"
+
+namespace atmos {
+namespace {
+
+constexpr double kStart = 1.7e9;
+
+struct Flown {
+  Vehicle vehicle = nominal_vehicle();
+  std::vector<Flight> flights;
+  Problem problem{&vehicle, {}, &flights};
+
+  Flown(const std::vector<Effect>& truth, double duration_s, std::uint32_t seed) {
+    flights.emplace_back(fly(vehicle, truth, pulse_commands(kStart, duration_s, seed), seed + 1).recording);
+  }
+  Flown(const Flown&) = delete;
+
+  // The effects with the free parameters that the library gives their kinds.
+  Fit fitted(const std::vector<Effect>& effects) {
+    std::vector<FreeParameter> free;
+    for (std::size_t i = 0; i < effects.size(); ++i) {
+      for (const Hypothesis& hypothesis : hypotheses(vehicle, flights)) {
+        if (hypothesis.kind != kind_of(effects[i])) continue;
+        for (const FreeParameter& parameter : at_effect(hypothesis.free, i)) free.push_back(parameter);
+      }
+    }
+    const NoiseModel noise = initial_noise(flights);
+    smooth_all(problem, effects, noise, 4.0);
+    return fit(problem, effects, free, noise);
+  }
+
+  std::vector<Hypothesis> library_without(const std::vector<std::string>& kinds) {
+    std::vector<Hypothesis> library;
+    for (const Hypothesis& hypothesis : hypotheses(vehicle, flights)) {
+      if (std::find(kinds.begin(), kinds.end(), hypothesis.kind) == kinds.end() && hypothesis.law.empty())
+        library.push_back(hypothesis);
+    }
+    return library;
+  }
+};
+
+TEST(Screening, SaysOfAnEffectsPlaceWhatARefitWithoutItWouldSay) {
+  // Without the inertia the thrust moves, and the mass after it.
+  const InertiaError inertia{{}, 1.1};
+  Flown flown({inertia}, 60.0, 11);
+  const Fit both = flown.fitted({ThrustScale{}, inertia});
+  const std::vector<Hypothesis> library = flown.library_without({"inertia_error", "thrust_scale"});
+  const Screening screening(flown.problem, both, library);
+
+  const Fit rest =
+      refine(flown.problem, evaluate(flown.problem, {both.effects[0]}, {both.free.front()}, both.noise), 4);
+  const double lost = both.log_likelihood - rest.log_likelihood;
+  EXPECT_GT(lost, 20.0) << "there is nothing to compare";
+  EXPECT_NEAR(screening.worth(1), lost, 0.1 * lost);
+  const Screened refitted = screen(flown.problem, rest, library).front();
+  const Screened in_place = screening.in_place_of(1).front();
+  EXPECT_EQ(refitted.hypothesis->kind, "mass_error");
+  EXPECT_EQ(in_place.hypothesis, refitted.hypothesis) << in_place.hypothesis->kind;
+  EXPECT_NEAR(in_place.score, refitted.score, 0.1 * lost);
+  // Beside both there is nothing left to explain.
+  EXPECT_LT(screening.beside().front().score, 0.1 * lost);
+}
+
+TEST(Screening, ThrustersMoveTheRobotTheSameWhateverPushesFromOutside) {
+  Tether tether;
+  tether.anchor_x_m = 1.0;
+  tether.stiffness_n_m = 0.3;
+  Flown flown({tether}, 20.0, 21);
+  const Fit fit = evaluate(flown.problem, {tether, ThrustScale{}}, {}, initial_noise(flown.flights));
+  Fit alone = *without_outside(flown.problem, fit);
+  ASSERT_EQ(alone.effects.size(), 1u);
+  EXPECT_GT((alone.innovations[0] - fit.innovations[0]).norm(), 1.0) << "the tether does not pull";
+  const FreeParameter factor{1, "factor", 0, 1.0, 0.15, 1e-3};
+  const Eigen::MatrixXd with_tether =
+      column_block(flown.problem, fit, fit.innovations[0], at_effect({factor}, 1), 0);
+  const Eigen::MatrixXd without =
+      column_block(flown.problem, alone, alone.innovations[0], at_effect({factor}, 0), 0);
+  EXPECT_LT((with_tether - without).norm(), 1e-6 * without.norm());
+}
+
+std::vector<std::string> named_by(Flown& flown) {
+  const SearchResult found = search(flown.problem, hypotheses(flown.vehicle, flown.flights), SearchOptions());
+  std::vector<std::string> kinds;
+  for (const Claim& claim : found.claims) kinds.push_back(claim.hypothesis.kind);
+  std::sort(kinds.begin(), kinds.end());
+  return kinds;
+}
+
+TEST(Search, NamesClockAndValvesTogether) {
+  Flown flown({ValveDelay{{}, 0.009, 0.017}}, 60.0, 2);
+  Recording skewed = flown.flights.front().recording();
+  for (PoseSample& pose : skewed.poses) pose.time_s = kStart + (pose.time_s - kStart) * (1.0 - 2e-3);
+  flown.flights.front() = Flight(skewed);
+  EXPECT_EQ(named_by(flown), (std::vector<std::string>{"clock_skew", "valve_delay"}));
+}
+
+TEST(Search, NamesALawThatNoTwoKnownEffectsExplain) {
+  Unmodelled lift;
+  lift.force_x_n = "-k*vy";
+  lift.force_y_n = "k*vx";
+  lift.coefficients = {{"k", {1.5, "N s/m"}}};
+  Flown flown({lift}, 60.0, 2);
+  EXPECT_EQ(named_by(flown), (std::vector<std::string>{"unmodelled"}));
+}
+
+}  // namespace
+}  // namespace atmos
