@@ -91,7 +91,7 @@ json placebo_of(const Placebo& placebo) {
           {"wrong_thruster", placebo.wrong_thruster ? json(placebo.best_wrong_thruster) : json(nullptr)}};
 }
 
-json effects_of(const Diagnosis& diagnosis, double start_s) {
+json effects_of(const Diagnosis& diagnosis, const std::vector<Began>& recordings) {
   const Fit& final = diagnosis.search.final;
   json effects = json::array();
   for (const std::size_t i : table_order(final.effects)) {
@@ -107,7 +107,7 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
     json parameters = parameters_of(final, i);
     if (claim.onset_deviation_s > 0.0) parameters["since_s"]["std"] = claim.onset_deviation_s;
     effects.push_back({{"kind", kind},
-                       {"statement", statement_of(final.effects[i], start_s)},
+                       {"statement", statement_of(final.effects[i], recordings, claim.onset_deviation_s)},
                        {"parameters", parameters},
                        {"evidence",
                         {{"log_likelihood_gain", finite(claim.gain)},
@@ -121,7 +121,7 @@ json effects_of(const Diagnosis& diagnosis, double start_s) {
 }
 
 // What was tried and not claimed: in place of each claim, then beside the final model.
-json rivals_of(const Diagnosis& diagnosis, double start_s) {
+json rivals_of(const Diagnosis& diagnosis, const std::vector<Began>& recordings) {
   constexpr std::size_t kMost = 5;  // per place
   json rivals = json::array();
   const auto add = [&](const std::vector<Tried>& tried, const std::string& against, double reference) {
@@ -134,7 +134,7 @@ json rivals_of(const Diagnosis& diagnosis, double start_s) {
         continue;
       seen.push_back(name);
       rivals.push_back({{"kind", rival.hypothesis.kind},
-                        {"statement", statement_of(rival.fit.effects.back(), start_s)},
+                        {"statement", statement_of(rival.fit.effects.back(), recordings)},
                         {"instead_of", against.empty() ? json(nullptr) : json(against)},
                         {"evidence_gain", finite(rival.gain)},
                         {"evidence_gain_of_claim", against.empty() ? json(nullptr) : finite(reference)},
@@ -239,7 +239,6 @@ std::vector<Effect> claimed_effects(const Diagnosis& diagnosis) {
 }
 
 nlohmann::ordered_json report(const Diagnosis& diagnosis, const Problem& problem, const Proof& proof) {
-  const double start_s = problem.flights->front().recording().start_s();
   json where = json::array();
   for (const Place& place : diagnosis.where)
     where.push_back({{"what", place.what}, {"statement", place.statement}, {"share", finite(place.share)}});
@@ -249,8 +248,10 @@ nlohmann::ordered_json report(const Diagnosis& diagnosis, const Problem& problem
         {"parameter", smallest.parameter}, {"value", finite(smallest.value)}, {"unit", smallest.unit}};
   }
   json recordings = json::array();
+  std::vector<Began> began;
   for (const Flight& flight : *problem.flights) {
     const Recording& recording = flight.recording();
+    began.push_back({recording.name, recording.start_s()});
     recordings.push_back({{"name", recording.name},
                           {"start_s", recording.start_s()},
                           {"duration_s", recording.duration_s()},
@@ -268,8 +269,8 @@ nlohmann::ordered_json report(const Diagnosis& diagnosis, const Problem& problem
               {"yaw", finite(diagnosis.axis_share[kYaw])}}},
             {"where", where},
             {"smallest_detectable", detectable}}},
-          {"effects", effects_of(diagnosis, start_s)},
-          {"rivals", rivals_of(diagnosis, start_s)},
+          {"effects", effects_of(diagnosis, began)},
+          {"rivals", rivals_of(diagnosis, began)},
           {"unexplained",
            {{"acceleration_rms_m_s2", finite(diagnosis.unexplained_acceleration_rms)},
             {"where", diagnosis.unexplained_where}}},

@@ -77,17 +77,26 @@ struct Attempt {
   const Screened* candidate;
 };
 
-// All of them, side by side but for those that smooth the flights along their own way.
+// Bytes of the columns of a fit.
+double size_of_columns(const Problem& problem, const Attempt& attempt) {
+  double rows = 0.0;
+  for (const Flight& flight : *problem.flights) rows += static_cast<double>(kAxes * flight.frames());
+  return sizeof(double) * rows *
+         static_cast<double>(attempt.beside->free.size() + attempt.candidate->hypothesis->free.size());
+}
+
+// All of them, side by side but for those that smooth the flights along their own way, or are large.
 std::vector<Tried> attempts(const Problem& problem, const std::vector<Attempt>& wanted, double looseness) {
   std::vector<Tried> tried(wanted.size());
+  constexpr double kLarge = 100e6;  // bytes
   std::vector<std::size_t> alone, together;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const bool patch = std::holds_alternative<FrictionPatch>(wanted[i].candidate->start.effect);
-    (patch ? alone : together).push_back(i);
+    (patch || size_of_columns(problem, wanted[i]) > kLarge ? alone : together).push_back(i);
   }
   // What takes longest goes first.
   std::stable_sort(together.begin(), together.end(), [&](std::size_t a, std::size_t b) {
-    return wanted[a].candidate->hypothesis->free.size() > wanted[b].candidate->hypothesis->free.size();
+    return size_of_columns(problem, wanted[a]) > size_of_columns(problem, wanted[b]);
   });
   const auto make = [&](std::size_t i) {
     tried[i] = attempt(problem, *wanted[i].beside, *wanted[i].candidate, looseness);

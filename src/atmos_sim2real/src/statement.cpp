@@ -48,12 +48,33 @@ std::string start_of(const std::string& formula) {
 }
 
 struct Sentence {
-  double start_s;
+  const std::vector<Began>& recordings;
+  double onset_deviation_s;
+
+  // The recording that a time lies in: the last that had begun.
+  const Began& recording_at(double time_s) const {
+    const Began* best = nullptr;
+    for (const Began& began : recordings) {
+      if (best == nullptr ||
+          (began.at_s <= time_s ? best->at_s > time_s || began.at_s > best->at_s : began.at_s < best->at_s))
+        best = &began;
+    }
+    return *best;
+  }
+
+  // Before any recording began.
+  bool from_the_start(double since_s) const { return since_s <= recording_at(since_s).at_s; }
+
+  std::string time(double time_s, double deviation_s) const {
+    const Began& began = recording_at(time_s);
+    return short_number(time_s - began.at_s) +
+           (deviation_s >= 1.0 ? " +- " + short_number(deviation_s) : "") + " s after the first command" +
+           (recordings.size() > 1 ? " of " + began.recording : "");
+  }
 
   // Since when a failure holds; nothing when it has from the start.
   std::string from(double since_s) const {
-    if (since_s <= start_s) return "";
-    return " from " + short_number(since_s - start_s) + " s after the first command on";
+    return from_the_start(since_s) ? "" : " from " + time(since_s, onset_deviation_s) + " on";
   }
 
   std::string operator()(const ThrustScale& e) const {
@@ -67,9 +88,8 @@ struct Sentence {
            from(e.since_s);
   }
   std::string operator()(const ThrusterDead& e) const {
-    if (e.since_s <= start_s) return thruster(e.thruster) + " has been dead from the start (0 s)";
-    return thruster(e.thruster) + " is dead from " + short_number(e.since_s - start_s) +
-           " s after the first command on";
+    if (from_the_start(e.since_s)) return thruster(e.thruster) + " has been dead from the start (0 s)";
+    return thruster(e.thruster) + " is dead" + from(e.since_s);
   }
   std::string operator()(const ThrusterStuckOpen& e) const {
     return thruster(e.thruster) + " is stuck open" + from(e.since_s);
@@ -159,8 +179,7 @@ struct Sentence {
     if (e.events.empty()) return "0 pushes from outside, 0 N s";
     const ImpulseEvent& first = e.events.front();
     const std::string push = short_number(first.impulse_n_s.norm()) + " N s and " +
-                             short_number(first.impulse_yaw_n_m_s) + " N m s, " +
-                             short_number(first.time_s - start_s) + " s after the first command";
+                             short_number(first.impulse_yaw_n_m_s) + " N m s, " + time(first.time_s, 0.0);
     if (e.events.size() == 1) return "something pushed the robot once: " + push;
     return "something pushed the robot " + std::to_string(e.events.size()) + " times, first " + push;
   }
@@ -261,8 +280,9 @@ std::string short_number(double value) {
   return text;
 }
 
-std::string statement_of(const Effect& effect, double start_s) {
-  return std::visit(Sentence{start_s}, effect);
+std::string statement_of(const Effect& effect, const std::vector<Began>& recordings,
+                         double onset_deviation_s) {
+  return std::visit(Sentence{recordings, onset_deviation_s}, effect);
 }
 
 std::string experiment_against(const std::string& claimed, const std::string& rival) {

@@ -189,10 +189,28 @@ TEST(Statement, EveryKindHasOneWithANumber) {
     const ConfigFile file = ConfigFile::from_text(text + "}\n", info.kind);
     const std::vector<Effect> effects = read_effects(file.root(), nullptr);
     file.check();
-    const std::string statement = statement_of(effects.at(0), kStart);
+    const std::string statement = statement_of(effects.at(0), {{"flight", kStart}});
     EXPECT_NE(statement.find_first_of("0123456789"), std::string::npos) << info.kind << ": " << statement;
     EXPECT_NE(experiment_against(info.kind, "viscous_drag"), "") << info.kind;
   }
+}
+
+TEST(Statement, TellsTimesFromTheRecordingTheyLieIn) {
+  ThrusterDead dead;
+  dead.thruster = 4;
+  const std::vector<Began> flights = {{"second", 2000.0}, {"first", 1000.0}};
+  const auto said = [&](double since_s, double deviation_s) {
+    dead.since_s = since_s;
+    return statement_of(dead, flights, deviation_s);
+  };
+  EXPECT_EQ(said(0.0, 0.0), "thruster 4 has been dead from the start (0 s)");
+  EXPECT_EQ(said(1030.0, 0.1), "thruster 4 is dead from 30 s after the first command of first on");
+  EXPECT_EQ(said(2012.0, 8.6), "thruster 4 is dead from 12 +- 8.6 s after the first command of second on");
+  ExternalImpulse push;
+  push.events = {{1041.0, {0.03, 0.04}, 0.0}};
+  EXPECT_EQ(statement_of(push, flights),
+            "something pushed the robot once: 0.05 N s and 0 N m s, 41 s after the first command of first");
+  EXPECT_EQ(statement_of(dead, {flights.front()}), "thruster 4 is dead from 12 s after the first command on");
 }
 
 TEST(Verdict, WhatDoesNotCarryOverToHeldOutRecordingsIsPartlyExplained) {

@@ -1,11 +1,11 @@
 // Every hypothesis scored beside a model by its linearisation: cheap enough for hundreds of starts.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "atmos_sim2real/library.h"
+#include "atmos_sim2real/noise_alone.h"
 
 namespace atmos {
 
@@ -24,17 +24,6 @@ struct Screened {
   std::vector<double> score_of_noise;  // per draw; of onsets none
   Eigen::VectorXd information;         // maps: what the flights know of the field over what its prior does
 };
-
-// Innovations as the noise alone might have made them: those of a fit, in blocks of 6 s with random signs, so
-// that what correlation the noise model misses stays in them.
-struct NoiseAlone {
-  struct Flips {
-    std::vector<Eigen::Index> begins;  // of the blocks among the rows, and the end of the last
-    Eigen::MatrixXd signs;             // a row per block, a column per draw
-  };
-  std::vector<Flips> flights;
-};
-NoiseAlone noise_alone(const Problem& problem, const Fit& fit, int draws, std::uint32_t seed);
 
 // The columns of all hypotheses beside one model: computed once, asked in several ways. Problem, fit, library
 // and noise must live as long.
@@ -60,10 +49,6 @@ class Screening {
 // Scores all hypotheses beside `base`, best first; where given, also what they would score on noise alone.
 std::vector<Screened> screen(const Problem& problem, const Fit& base, const std::vector<Hypothesis>& library,
                              const NoiseAlone* imagined = nullptr);
-
-// Probability that noise alone scores as high as the best hypothesis does, all hypotheses together: the
-// largest scores of the draws have a Gumbel distribution.
-double p_value(const std::vector<Screened>& scored);
 
 // Nats for the choices that no prior width expresses.
 double choices_of(const Hypothesis& hypothesis);
