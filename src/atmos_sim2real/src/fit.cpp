@@ -207,17 +207,8 @@ bool shapes_response(const Effect& effect) {
          std::holds_alternative<ClockSkew>(effect);
 }
 
-// Effects that push from outside, whatever the thrusters do and without a state of their own.
-bool acts_from_outside(const Effect& effect) {
-  if (const Unmodelled* law = std::get_if<Unmodelled>(&effect)) return !depends_on_valves(*law);
-  return std::holds_alternative<FloorTilt>(effect) || std::holds_alternative<FloorUnevenness>(effect) ||
-         std::holds_alternative<Airflow>(effect) || std::holds_alternative<Tether>(effect) ||
-         std::holds_alternative<ViscousDrag>(effect) || std::holds_alternative<QuadraticDrag>(effect) ||
-         std::holds_alternative<CoulombFriction>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
-         std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FloorVibration>(effect);
-}
-
-// Of those, what changes over the few millimetres of motion between frames not at all, or little.
+// Of what acts from outside, what changes over the few millimetres of motion between frames not at all, or
+// little.
 bool acts_slowly(const Effect& effect) {
   if (const Unmodelled* law = std::get_if<Unmodelled>(&effect)) return changes_slowly(*law);
   return acts_from_outside(effect) && !std::holds_alternative<ExternalImpulse>(effect) &&
@@ -312,6 +303,15 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
 }
 
 }  // namespace
+
+bool acts_from_outside(const Effect& effect) {
+  if (const Unmodelled* law = std::get_if<Unmodelled>(&effect)) return !depends_on_valves(*law);
+  return std::holds_alternative<FloorTilt>(effect) || std::holds_alternative<FloorUnevenness>(effect) ||
+         std::holds_alternative<Airflow>(effect) || std::holds_alternative<Tether>(effect) ||
+         std::holds_alternative<ViscousDrag>(effect) || std::holds_alternative<QuadraticDrag>(effect) ||
+         std::holds_alternative<CoulombFriction>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
+         std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FloorVibration>(effect);
+}
 
 bool acts_through_thrusters(const Effect& effect) {
   return !acts_from_outside(effect) && !shapes_response(effect) &&

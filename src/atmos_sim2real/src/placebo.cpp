@@ -67,6 +67,7 @@ std::vector<Placebo> placebo_checks(const Problem& problem, const Fit& final, st
     const Problem placebo{problem.vehicle, problem.known, &flights};
     const Innovations all = innovations_of(placebo, final.effects);
     for (std::size_t i = 0; i < checks.size(); ++i) {
+      if (acts_from_outside(final.effects[i])) continue;
       const Innovations rest = innovations_of(placebo, others[i]);
       const double gain = best_gain(without[i], rest, all);
       // What does not depend on commands changes the same whatever their order.

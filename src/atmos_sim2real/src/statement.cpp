@@ -14,6 +14,9 @@ namespace {
 std::string percent(double ratio) { return short_number(100.0 * ratio) + " %"; }
 std::string millimetres(double metres) { return short_number(1e3 * metres) + " mm"; }
 std::string milliseconds(double seconds) { return short_number(1e3 * seconds) + " ms"; }
+std::string newtons(double force) {
+  return std::abs(force) < 1.0 ? short_number(1e3 * force) + " mN" : short_number(force) + " N";
+}
 std::string degrees(double radians) { return short_number(180.0 / M_PI * radians) + " deg"; }
 std::string thruster(int number) { return "thruster " + std::to_string(number); }
 std::string place(double x, double y) { return "(" + short_number(x) + ", " + short_number(y) + ") m"; }
@@ -149,7 +152,7 @@ struct Sentence {
   }
   std::string operator()(const Airflow& e) const {
     return "moving air pushes the robot with up to " +
-           short_number(1e3 * std::hypot(largest(e.force_x_n), largest(e.force_y_n))) + " mN; " +
+           newtons(std::hypot(largest(e.force_x_n), largest(e.force_y_n))) + "; " +
            short_number(100.0 * share_with_curl(e)) +
            " % of the field has curl, which slopes of a floor have not";
   }
@@ -184,8 +187,8 @@ struct Sentence {
     return "something pushed the robot " + std::to_string(e.events.size()) + " times, first " + push;
   }
   std::string operator()(const FloorVibration& e) const {
-    return "a force of " + short_number(1e3 * e.amplitude_n) + " mN oscillates at " +
-           short_number(e.frequency_hz) + " Hz along " + degrees(e.direction_rad) + " from world x";
+    return "a force of " + newtons(e.amplitude_n) + " oscillates at " + short_number(e.frequency_hz) +
+           " Hz along " + degrees(e.direction_rad) + " from world x";
   }
   std::string operator()(const MocapLatency& e) const {
     return "poses are stamped " + milliseconds(e.delay_s) + " after the robot was there";

@@ -97,7 +97,9 @@ void add_products(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd
 Eigen::MatrixXd column_block(const Problem& problem, const Fit& at, const Eigen::VectorXd& innovations_at,
                              const std::vector<FreeParameter>& free, std::size_t flight);
 
-// Whether an effect changes what the thrusters push, and nothing else.
+// Whether an effect pushes from outside, whatever the thrusters do and without a state of its own.
+bool acts_from_outside(const Effect& effect);
+// Whether it changes what the thrusters push, and nothing else.
 bool acts_through_thrusters(const Effect& effect);
 
 // The fit evaluated without what pushes from outside: beside it the columns of effects that act through
