@@ -10,6 +10,7 @@
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/floor_map.h"
+#include "atmos_sim2real/force_field.h"
 #include "atmos_sim2real/map_prior.h"
 #include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
@@ -195,11 +196,23 @@ std::size_t complexity(const Hypothesis& hypothesis) {
   return hypothesis.map ? kField * hypothesis.starts.front().linear.size() : hypothesis.free.size();
 }
 
+// Whether a wind is but the slopes of a floor of this evidence: one without curl would be rare.
+bool blows_as_slopes(const Tried& tried, double gain_of_floor) {
+  constexpr double kNoCurl = 0.05, kNearlyItsGain = 0.85;  // of the field's square; of the wind's gain
+  const auto* wind = std::get_if<Airflow>(&tried.fit.effects.back());
+  return wind != nullptr && share_with_curl(*wind) < kNoCurl && gain_of_floor > kNearlyItsGain * tried.gain;
+}
+
 // Of candidates that explain the flights equally well, the simplest is named: friction everywhere and not in
 // a patch that happens to cover all that was visited, an uneven floor and not a wind that blows as its
 // slopes.
 void simplest_of_equals_first(std::vector<Tried>& tried) {
   if (tried.empty()) return;
+  const auto floor = std::find_if(tried.begin(), tried.end(), [](const Tried& other) {
+    return other.hypothesis.kind == FloorUnevenness::kKind;
+  });
+  if (floor != tried.end() && blows_as_slopes(tried.front(), floor->gain))
+    std::rotate(tried.begin(), floor, floor + 1);
   const double least = tried.front().gain - indistinct(tried.front().gain);
   const auto end =
       std::find_if(tried.begin(), tried.end(), [&](const Tried& other) { return other.gain < least; });
@@ -420,7 +433,9 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
       const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
                             claim.rival_reference > kNearly * tried.gain;
-      return tried.gain > claim.rival_reference + kClearlyBetter && !imitates;
+      const bool slopes =
+          claim.hypothesis.kind == FloorUnevenness::kKind && blows_as_slopes(tried, claim.rival_reference);
+      return tried.gain > claim.rival_reference + kClearlyBetter && !imitates && !slopes;
     });
     if (rival == claim.rivals.end()) continue;
     options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
