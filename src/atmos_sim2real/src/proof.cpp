@@ -56,6 +56,39 @@ std::vector<WindowStart> every(const std::vector<WindowStart>& starts, double ho
   return chosen;
 }
 
+// Errors at the ends of windows from `starts` of a flight if the model were right and only `noise` disturbed
+// it: the covariance that a filter has at each start, propagated open loop.
+PredictionError noise_floor(const Flight& flight, const NoiseModel& noise,
+                            const std::vector<WindowStart>& starts, double horizon_s) {
+  const std::vector<double>& times = flight.times();
+  PredictionError error;
+  double squares[kAxes] = {0.0, 0.0, 0.0};
+  for (int axis = 0; axis < kAxes; ++axis) {
+    const std::vector<double>& scatter = flight.scatter_variance()[static_cast<std::size_t>(axis)];
+    AxisCovariance filter(noise, static_cast<Axis>(axis));
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < times.size() && next < starts.size(); ++i) {
+      filter.see();
+      if (times[i] >= starts[next].stamp_s - 1e-6) {
+        AxisCovariance window = filter;
+        window.forget_what_predictions_leave_out();
+        for (std::size_t j = i; j + 1 < times.size() && times[j] < starts[next].stamp_s + horizon_s; ++j)
+          window.advance(Transition(noise, times[j + 1] - times[j], flight.travel()[j]), scatter[j]);
+        squares[axis] += window.shown_variance();
+        ++next;
+      }
+      if (i + 1 < times.size())
+        filter.advance(Transition(noise, times[i + 1] - times[i], flight.travel()[i]), scatter[i]);
+    }
+    if (axis == 0) error.windows = next;
+  }
+  if (error.windows == 0) return error;
+  const auto n = static_cast<double>(error.windows);
+  error.position_rms_m = std::sqrt((squares[kX] + squares[kY]) / n);
+  error.yaw_rms_rad = std::sqrt(squares[kYaw] / n);
+  return error;
+}
+
 Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<Unseen>& parts) {
   std::array<std::array<Joined, 3>, kHorizons.size()> joined;
   struct Result {
@@ -79,7 +112,8 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
     };
     const std::vector<WindowStart> nominal_starts = starts_of(problem.known);
     const std::vector<WindowStart> fitted_starts = part.fitted.empty() ? nominal_starts : starts_of(fitted);
-    const Plant plant(*problem.vehicle, fitted, recording.start_s());
+    Flight smoothed(recording);
+    smoothed.smooth(Plant(*problem.vehicle, fitted, recording.start_s()), noise, 1.0);
     for (std::size_t h = 0; h < kHorizons.size(); ++h) {
       const double horizon = kHorizons[h];
       const auto rows = [&](const std::vector<Effect>& effects, const std::vector<WindowStart>& starts) {
@@ -91,7 +125,7 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
       auto& [nominal, with_effects, floor] = results[p].errors[h];
       nominal = prediction_error(recording, nominal_rows);
       with_effects = prediction_error(recording, fitted_rows);
-      floor = noise_floor(recording, plant, noise, every(fitted_starts, horizon, part.end_s), horizon);
+      floor = noise_floor(smoothed, noise, every(fitted_starts, horizon, part.end_s), horizon);
       floor.windows = nominal.windows;
       if (h == 0) {
         results[p].nominal = nominal_rows;
@@ -139,39 +173,6 @@ Recording between(Recording recording, double begin_s, double end_s) {
 
 }  // namespace
 
-PredictionError noise_floor(const Recording& recording, const Plant& plant, const NoiseModel& noise,
-                            const std::vector<WindowStart>& starts, double horizon_s) {
-  Flight flight(recording);
-  flight.smooth(plant, noise, 1.0);
-  const std::vector<double>& times = flight.times();
-  PredictionError error;
-  double squares[kAxes] = {0.0, 0.0, 0.0};
-  for (int axis = 0; axis < kAxes; ++axis) {
-    const std::vector<double>& scatter = flight.scatter_variance()[static_cast<std::size_t>(axis)];
-    AxisCovariance filter(noise, static_cast<Axis>(axis));
-    std::size_t next = 0;
-    for (std::size_t i = 0; i < times.size() && next < starts.size(); ++i) {
-      filter.see();
-      if (times[i] >= starts[next].stamp_s - 1e-6) {
-        AxisCovariance window = filter;
-        window.forget_what_predictions_leave_out();
-        for (std::size_t j = i; j + 1 < times.size() && times[j] < starts[next].stamp_s + horizon_s; ++j)
-          window.advance(Transition(noise, times[j + 1] - times[j], flight.travel()[j]), scatter[j]);
-        squares[axis] += window.shown_variance();
-        ++next;
-      }
-      if (i + 1 < times.size())
-        filter.advance(Transition(noise, times[i + 1] - times[i], flight.travel()[i]), scatter[i]);
-    }
-    if (axis == 0) error.windows = next;
-  }
-  if (error.windows == 0) return error;
-  const auto n = static_cast<double>(error.windows);
-  error.position_rms_m = std::sqrt((squares[kX] + squares[kY]) / n);
-  error.yaw_rms_rad = std::sqrt(squares[kYaw] / n);
-  return error;
-}
-
 Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector<Recording>& held_out) {
   std::vector<Unseen> parts;
   for (const Recording& recording : held_out)
@@ -185,24 +186,23 @@ Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector
 Proof prove_on_blocks(const Problem& problem, const Fit& final) {
   const std::vector<Flight>& flights = *problem.flights;
   std::vector<Unseen> parts;
-  if (flights.size() > 1) {
-    for (std::size_t f = 0; f < flights.size(); ++f) {
-      std::vector<Flight> others;
-      for (std::size_t g = 0; g < flights.size(); ++g) {
-        if (g != f) others.push_back(flights[g]);
-      }
-      parts.push_back({&flights[f].recording(), flights[f].times().front(), flights[f].times().back(),
-                       refitted(problem, final, std::move(others))});
-    }
-  } else {
-    const Recording& recording = flights.front().recording();
-    const double begin = recording.poses.front().time_s, end = recording.poses.back().time_s;
-    const double middle = 0.5 * (begin + end);
-    parts.push_back(
-        {&recording, begin, middle, refitted(problem, final, {Flight(between(recording, middle, end))})});
-    parts.push_back(
-        {&recording, middle, end, refitted(problem, final, {Flight(between(recording, begin, middle))})});
+  for (const Flight& flight : flights)
+    parts.push_back({&flight.recording(), flight.times().front(), flight.times().back(), {}});
+  if (flights.size() == 1) {
+    const double middle = 0.5 * (parts.front().begin_s + parts.front().end_s);
+    parts.push_back({parts.front().recording, middle, parts.front().end_s, {}});
+    parts.front().end_s = middle;
   }
+  in_parallel(parts.size(), [&](std::size_t p) {
+    std::vector<Flight> others;
+    for (std::size_t other = 0; other < parts.size(); ++other) {
+      if (other == p) continue;
+      others.push_back(flights.size() > 1 ? flights[other]
+                                          : Flight(between(flights.front().recording(), parts[other].begin_s,
+                                                           parts[other].end_s)));
+    }
+    parts[p].fitted = refitted(problem, final, std::move(others));
+  });
   Proof proof = prove(problem, final.noise, parts);
   proof.on = kBlocks;
   return proof;

@@ -38,9 +38,4 @@ Proof prove_held_out(const Problem& problem, const Fit& final, const std::vector
 // all of them.
 Proof prove_on_blocks(const Problem& problem, const Fit& final);
 
-// Errors at the ends of windows from `starts` if the model were right and only `noise` disturbed it: the
-// covariance that a filter has at each start, propagated open loop.
-PredictionError noise_floor(const Recording& recording, const Plant& plant, const NoiseModel& noise,
-                            const std::vector<WindowStart>& starts, double horizon_s);
-
 }  // namespace atmos
