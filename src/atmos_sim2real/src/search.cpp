@@ -280,7 +280,8 @@ void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>&
       firsts.push_back(t);
   }
   if (firsts.empty()) return;
-  const OpenLoopError error_in_front = open_loop_error(problem, tried.front().fit.effects);
+  const OpenLoopError error_in_front =
+      map ? open_loop_error(problem, tried.front().fit.effects) : OpenLoopError{};
   const auto as_good = [&](double gain, const Fit& plain) {
     if (!map) return gain > gain_in_front + kMore;
     return gain > kNearly * gain_in_front &&
@@ -503,7 +504,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     std::sort(tried.begin(), tried.end(), by_gain);
     play_off(problem, current, tried, looseness, options);
     simplest_of_equals_first(tried);
-    plain_before_strange(problem, open, tried, nominal_error, looseness, options);
+    plain_before_strange(problem, unclaimed(open, refused), tried, nominal_error, looseness, options);
 
     const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
