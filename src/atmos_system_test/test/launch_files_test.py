@@ -175,7 +175,7 @@ class Started(unittest.TestCase):
         here = os.path.dirname(os.path.realpath(__file__))
         with harness.Launch(os.path.join(here, "hardware_world.launch"), scenario=scenario, device=device,
                             summary=os.path.join(folder, "sim.json")) as world:
-            world.wait_for("pixhawk_emulator")
+            world.wait_for("process[atmos/pixhawk_emulator")
             with harness.Launch("hardware.launch", joins=world, device=device, record=bag) as hardware, \
                     harness.Launch("mission.launch", joins=world, mission=mission) as player:
                 world.wait_for("t = 5 /")  # time starts when everything is connected

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """A hand on a joystick: the robot moves while the dead man is held, and the valves are closed on release and on silence."""
+import functools
 import math
 import os
 import pty
@@ -13,7 +14,7 @@ import unittest
 
 import rospy
 import rosunit
-from atmos_msgs.msg import ThrusterCommand
+from atmos_msgs.msg import NmpcStatus, ThrusterCommand
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Joy
@@ -24,6 +25,7 @@ HOLD = [{"time_s": 0.0, "x_m": 0.0, "y_m": 0.0, "yaw_deg": 0.0}]
 CLOSED_WITHIN_S = 0.5
 LEAD_S = 0.03  # a command comes this long before its period
 ATTEMPTS = 4  # a machine under load may stall this process, too
+REPORTED = {"sim/truth": Odometry, "setpoint": PoseStamped, "nmpc/status": NmpcStatus, "thruster_command": ThrusterCommand}
 KEYBOARD = os.path.join(harness.ROOT, "devel", "lib", "atmos_operator", "teleop_keyboard")
 
 
@@ -38,10 +40,13 @@ class Hand:
     def __init__(self):
         self.reading, self.last_s = None, 0.0
         self.open_s, self.commands, self.set_points, self.truth = 0.0, 0, [], None
+        self.newest = {}  # message by topic, for a test that fails
         self.publisher = rospy.Publisher("/atmos/joy", Joy, queue_size=1)
         self.subscribers = [rospy.Subscriber("/atmos/thruster_command", ThrusterCommand, self.on_command, tcp_nodelay=True),
                             rospy.Subscriber("/atmos/sim/truth", Odometry, self.on_truth),
                             rospy.Subscriber("/atmos/setpoint", PoseStamped, self.on_set_point)]
+        self.subscribers += [rospy.Subscriber("/atmos/" + topic, kind, functools.partial(self.newest.__setitem__, topic))
+                             for topic, kind in REPORTED.items()]
         threading.Thread(target=self.run, daemon=True).start()
 
     def on_command(self, message):
@@ -54,6 +59,15 @@ class Hand:
 
     def on_set_point(self, message):
         self.set_points.append(message.pose.position)
+
+    def seen(self):
+        """What was seen last, a line per topic."""
+        lines = [f"{self.commands} commands, {len(self.set_points)} set-points"]
+        for topic in REPORTED:
+            message = self.newest.get(topic, "none")
+            parts = [message.header, message.pose.pose, message.twist.twist] if isinstance(message, Odometry) else [message]
+            lines.append(f"{topic}: " + " ".join(" ".join(map(str, parts)).split()))
+        return "\n".join(lines)
 
     def run(self):
         while True:
@@ -74,6 +88,8 @@ class Hand:
 
 
 class Teleop(unittest.TestCase):
+    flown = None  # the newest world
+
     @classmethod
     def setUpClass(cls):
         rospy.init_node("teleop_test")  # before use_sim_time: a hand lives in wall time
@@ -82,9 +98,14 @@ class Teleop(unittest.TestCase):
     def wait(self, what, condition, launch, limit_s=30.0):
         deadline = time.monotonic() + limit_s
         while not condition():
-            self.assertIsNone(launch.process.poll(), launch.text())
-            self.assertLess(time.monotonic(), deadline, f"no {what}:\n{launch.text()}")
+            if launch.process.poll() is not None or time.monotonic() >= deadline:
+                self.give_up(what, launch)
             time.sleep(0.02)
+
+    def give_up(self, what, launch):
+        """Fails with what was seen last and what the launch and its world have said."""
+        logs = [launch.text()] + ([self.flown.text()] if self.flown not in (None, launch) else [])
+        self.fail("\n".join([f"no {what}; exit code {launch.process.poll()}", self.hand.seen(), *logs]))
 
     def hold_until(self, what, condition, launch, **sticks):
         """Holds the dead man, again every few seconds: a machine that stalls makes a silence, after which he must be released."""
@@ -96,20 +117,24 @@ class Teleop(unittest.TestCase):
             while time.monotonic() < deadline:
                 if condition():
                     return
-                self.assertIsNone(launch.process.poll(), launch.text())
+                if launch.process.poll() is not None:
+                    self.give_up(what, launch)
                 time.sleep(0.02)
-        self.fail(f"no {what}:\n{launch.text()}")
+        self.give_up(what, launch)
 
     def world(self, **arguments):
         self.hand.truth, self.hand.commands = None, 0
+        self.hand.newest.clear()
         scenario = harness.write_scenario(harness.scratch(), duration_s=1000.0, setpoints=HOLD)
-        return harness.Launch("sim.launch", joins=TestMaster, scenario=scenario, clock="real", **arguments)
+        self.flown = harness.Launch("sim.launch", joins=TestMaster, scenario=scenario, clock="real", **arguments)
+        return self.flown
 
     def teleop(self, world, mode):
         self.hand.release()
         self.wait("end of the last teleop", lambda: self.hand.publisher.get_num_connections() == 0, world)
-        teleop = harness.Launch("teleop.launch", joins=TestMaster, mode=mode)
+        # Before it has set use_sim_time, a node would live in wall time for ever.
         self.wait("simulated robot", lambda: self.hand.truth and self.hand.commands > 5, world)
+        teleop = harness.Launch("teleop.launch", joins=TestMaster, mode=mode)
         self.wait("teleop", lambda: self.hand.publisher.get_num_connections() > 0, teleop)
         time.sleep(0.3)
         return teleop
