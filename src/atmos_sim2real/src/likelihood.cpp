@@ -82,7 +82,7 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
   };
   CovarianceOf<Lanes> covariance(mocap, slow, distortion, scatter);
   const Lanes none = Lanes::Zero();
-  Lanes p = at(measured, 0), v = none, d = none, b = none, squares = none, log_determinant = none;
+  Lanes p = at(measured, 0), v = none, d = none, b = none, c = none, squares = none, log_determinant = none;
   Lanes product = Lanes::Ones();  // of a few variances: one logarithm for all of them
   const std::size_t n = flight.frames();
   for (std::size_t i = 0; i < n; ++i) {
@@ -96,7 +96,7 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
       log_determinant += product.log();
       product = Lanes::Ones();
     }
-    const std::array<Lanes, 4> gain = covariance.see();
+    const std::array<Lanes, 5> gain = covariance.see();
     const Transition& to = transitions[i];
     covariance.advance(to, at(variance, i));
     v += gain[1] * e;
@@ -104,7 +104,9 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
     p += gain[0] * e + v * to.dt + d * to.slow_to_p + at(dp, i);
     v += d * to.slow_to_v + at(dv, i);
     d *= to.slow_decay;
-    b = (b + gain[3] * e) * to.distortion_decay;
+    b += gain[3] * e;
+    c += gain[4] * e;
+    to.distort(b, c);
   }
   for (int k = 0; k < count; ++k) scores[k] = -0.5 * (squares[k] + log_determinant[k]);
 }

@@ -15,16 +15,26 @@ double lost_share(double x) {
 
 }  // namespace
 
-Transition::Transition(const NoiseModel& noise, double step_s, double travel_m) : dt(step_s) {
+Transition::Transition(const NoiseModel& noise, double step_s, const Travel& travel) : dt(step_s) {
   const double lost = lost_share(dt / noise.slow_time_s);
   slow_decay = 1.0 - lost;
   slow_to_v = noise.slow_time_s * lost;
   slow_to_p = noise.slow_time_s * (dt - slow_to_v);
-  distortion_decay = 1.0 - lost_share(travel_m / noise.distortion_length_m);
+  const double x = std::sqrt(3.0) * travel.length_m / noise.distortion_length_m;
+  const double keep = 1.0 - lost_share(x), y = 2.0 * x, turn = travel.turn;
+  b_from_b = keep * (1.0 + x);
+  b_from_c = keep * x;
+  c_from_b = -turn * keep * x;
+  c_from_c = turn * keep * (1.0 - x);
+  // 1 - exp(-y) (1 + y + y^2 / 2), of which short ways leave nothing but rounding.
+  new_bb = y > 0.05 ? 1.0 - keep * keep * (1.0 + y + 0.5 * y * y)
+                    : keep * keep * (y * y * y / 6.0) * (1.0 + y / 4.0 + y * y / 20.0);
+  new_bc = turn * keep * keep * 0.5 * y * y;
+  new_cc = 1.0 - turn * turn * (1.0 - lost_share(y) - keep * keep * (y - 0.5 * y * y));
 }
 
 Whitener::Whitener(const std::vector<double>& times, const std::vector<double>& scatter_variance,
-                   const std::vector<double>& travel, const NoiseModel& noise, Axis axis) {
+                   const std::vector<Travel>& travel, const NoiseModel& noise, Axis axis) {
   const std::size_t n = times.size();
   step_.reserve(n);
   AxisCovariance covariance(noise, axis);
@@ -47,7 +57,7 @@ Whitener::Whitener(const std::vector<double>& times, const std::vector<double>& 
 template <class AfterFrame>
 void Whitener::run(const double* measured, const double* dv, const double* dp, double* innovations,
                    const AfterFrame& after_frame) const {
-  double p = measured[0], v = 0.0, d = 0.0, b = 0.0;
+  double p = measured[0], v = 0.0, d = 0.0, b = 0.0, c = 0.0;
   const std::size_t n = step_.size();
   for (std::size_t i = 0; i < n; ++i) {
     const Step& step = step_[i];
@@ -57,12 +67,13 @@ void Whitener::run(const double* measured, const double* dv, const double* dp, d
     v += step.gain[1] * e;
     d += step.gain[2] * e;
     b += step.gain[3] * e;
+    c += step.gain[4] * e;
     after_frame(i, p, v);
     if (i + 1 == n) break;
     p += v * step.to_next.dt + d * step.to_next.slow_to_p + dp[i];
     v += d * step.to_next.slow_to_v + dv[i];
     d *= step.to_next.slow_decay;
-    b *= step.to_next.distortion_decay;
+    step.to_next.distort(b, c);
   }
 }
 
@@ -86,7 +97,7 @@ bool at_rest(const Whitener::Track& track, std::size_t i) {
 template <std::size_t N>
 void Whitener::run_together(const std::array<const Whitener*, N>& axes, const std::array<Track, N>& tracks,
                             std::size_t first) {
-  std::array<double, N> p, v{}, d{}, b{};
+  std::array<double, N> p, v{}, d{}, b{}, c{};
   for (std::size_t k = 0; k < N; ++k) p[k] = first == 0 ? tracks[k].measured[0] : 0.0;
   const std::size_t n = axes[0]->step_.size();
   double largest = 0.0, recent = 0.0;
@@ -102,7 +113,7 @@ void Whitener::run_together(const std::array<const Whitener*, N>& axes, const st
       }
       if (still > i) {
         for (const Track& track : tracks) std::fill(track.innovations + i, track.innovations + still, 0.0);
-        p = v = d = b = {};
+        p = v = d = b = c = {};
         i = still;
         if (i == n) return;
       }
@@ -118,7 +129,9 @@ void Whitener::run_together(const std::array<const Whitener*, N>& axes, const st
       p[k] += step.gain[0] * e + after * step.to_next.dt + slow * step.to_next.slow_to_p + track.dp[i];
       v[k] = after + slow * step.to_next.slow_to_v + track.dv[i];
       d[k] = slow * step.to_next.slow_decay;
-      b[k] = (b[k] + step.gain[3] * e) * step.to_next.distortion_decay;
+      b[k] += step.gain[3] * e;
+      c[k] += step.gain[4] * e;
+      step.to_next.distort(b[k], c[k]);
     }
   }
 }
@@ -157,7 +170,7 @@ void Whitener::filter(const double* measured, const double* dv, const double* dp
 
 std::size_t Whitener::step_response(std::size_t at, std::size_t count, double* innovations) const {
   const std::size_t end = std::min(step_.size(), at + 1 + count);
-  double p = 0.0, v = 1.0, d = 0.0, b = 0.0;
+  double p = 0.0, v = 1.0, d = 0.0, b = 0.0, c = 0.0;
   std::size_t written = 0;
   for (std::size_t i = at + 1; i < end; ++i) {
     // The change happens half-way between the frames; from then on it is what whiten() does with measurements
@@ -166,7 +179,7 @@ std::size_t Whitener::step_response(std::size_t at, std::size_t count, double* i
     p += v * before.dt * (i == at + 1 ? 0.5 : 1.0) + d * before.slow_to_p;
     v += d * before.slow_to_v;
     d *= before.slow_decay;
-    b *= before.distortion_decay;
+    before.distort(b, c);
     const Step& step = step_[i];
     const double e = -p - b;
     innovations[written++] = e * step.inverse_deviation;
@@ -174,6 +187,7 @@ std::size_t Whitener::step_response(std::size_t at, std::size_t count, double* i
     v += step.gain[1] * e;
     d += step.gain[2] * e;
     b += step.gain[3] * e;
+    c += step.gain[4] * e;
   }
   return written;
 }

@@ -8,12 +8,14 @@ namespace atmos {
 namespace {
 
 struct Track {
-  std::vector<double> times, scatter, travel, zero;
-  explicit Track(std::size_t n) : scatter(n, 1e-4), travel(n, 2e-3), zero(n, 0.0) {
+  std::vector<double> times, scatter, zero;
+  std::vector<Travel> travel;
+  explicit Track(std::size_t n) : scatter(n, 1e-4), zero(n, 0.0), travel(n, {2e-3, 1.0}) {
     double t = 1234.5;
     for (std::size_t i = 0; i < n; ++i) {
       times.push_back(t);
       t += i % 17 == 5 ? 0.03 : 0.01;  // some frames are lost
+      if (i % 500 == 250) travel[i].turn = i % 1000 == 250 ? -1.0 : 0.3;
     }
   }
 };
@@ -32,7 +34,7 @@ std::vector<double> draw(const Track& track, const NoiseModel& model, Axis axis,
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   double p = 0.3, v = 0.02, d = model.slow[axis] * normal(random),
-         b = model.distortion[axis] * normal(random);
+         b = model.distortion[axis] * normal(random), slope = model.distortion[axis] * normal(random);
   std::vector<double> measured;
   for (std::size_t i = 0; i < track.times.size(); ++i) {
     measured.push_back(p + b + model.mocap[axis] * normal(random));
@@ -46,8 +48,11 @@ std::vector<double> draw(const Track& track, const NoiseModel& model, Axis axis,
     p += dt * v + model.slow_time_s * (dt - to_v) * d + kick * dt * (0.5 * a + c / std::sqrt(12.0));
     v += to_v * d + kick * a;
     d = decay * d + model.slow[axis] * std::sqrt(1.0 - decay * decay) * normal(random);
-    const double keep = std::exp(-track.travel[i] / model.distortion_length_m);
-    b = keep * b + model.distortion[axis] * std::sqrt(1.0 - keep * keep) * normal(random);
+    const Transition to(model, dt, track.travel[i]);
+    to.distort(b, slope);
+    const double new_b = normal(random), along = to.new_bc / std::sqrt(to.new_bb);
+    b += model.distortion[axis] * std::sqrt(to.new_bb) * new_b;
+    slope += model.distortion[axis] * (along * new_b + std::sqrt(to.new_cc - along * along) * normal(random));
   }
   return measured;
 }
@@ -71,6 +76,26 @@ TEST(Whitener, MakesItsOwnModelWhite) {
       EXPECT_LT(std::abs(product / n), 4.0 / std::sqrt(n)) << "lag " << lag;
     }
   }
+}
+
+// Along a straight way: covariance s^2 (1 + l d) exp(-l d) with l = sqrt(3) / length, and back again the
+// same.
+TEST(Whitener, DistortionIsAFunctionOfThePlace) {
+  const NoiseModel model = noise();
+  for (const double step : {1e-4, 3e-3, 0.2}) {
+    double b = 1.0, slope = 0.0;
+    Transition(model, 0.01, {step, 1.0}).distort(b, slope);
+    const double x = std::sqrt(3.0) * step / model.distortion_length_m;
+    EXPECT_NEAR(b, (1.0 + x) * std::exp(-x), 1e-12);
+    // Stationary: what is kept and what is new make the variance that was.
+    const Transition to(model, 0.01, {step, 0.4});
+    EXPECT_NEAR(to.b_from_b * to.b_from_b + to.b_from_c * to.b_from_c + to.new_bb, 1.0, 1e-9);
+    EXPECT_NEAR(to.c_from_b * to.c_from_b + to.c_from_c * to.c_from_c + to.new_cc, 1.0, 1e-9);
+    EXPECT_NEAR(to.b_from_b * to.c_from_b + to.b_from_c * to.c_from_c + to.new_bc, 0.0, 1e-9);
+  }
+  double b = 0.2, slope = 0.8;
+  for (const double turn : {-1.0, 1.0}) Transition(model, 0.01, {1e-3, turn}).distort(b, slope);
+  EXPECT_NEAR(b, 0.2, 1e-4);
 }
 
 TEST(Whitener, IsNotWhiteUnderAnotherModel) {

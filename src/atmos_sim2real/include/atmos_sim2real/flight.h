@@ -78,9 +78,9 @@ class Flight {
   std::shared_ptr<const std::vector<Whitener>> whiteners(const NoiseModel& noise) const;
 
   // For Whitener: variance of the velocity change per interval for unit relative scatter of each pulse, and
-  // path length.
+  // the way.
   const std::array<std::vector<double>, kAxes>& scatter_variance() const { return scatter_variance_; }
-  const std::vector<double>& travel() const { return travel_; }
+  const std::vector<Travel>& travel() const { return travel_; }
 
   // Motion of the measured point, one per frame.
   const std::vector<PlanarState<double>>& motion() const { return motion_; }
@@ -89,6 +89,7 @@ class Flight {
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
+  void note_travel();
   void note_scatter(const Plant& plant);
   void set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,
                   const std::array<std::vector<double>, kAxes>& velocity);
@@ -97,7 +98,7 @@ class Flight {
   std::vector<double> times_;                // stamps
   std::vector<PlanarState<double>> motion_;  // one per frame, of the measured point
   std::array<std::vector<double>, kAxes> scatter_variance_;
-  std::vector<double> travel_;
+  std::vector<Travel> travel_;
 
   // What was derived from the motion and is asked for again and again; a new motion starts anew.
   struct Derived {

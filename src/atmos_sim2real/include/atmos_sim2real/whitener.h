@@ -17,7 +17,7 @@ struct NoiseModel {
   double scatter = 0.02;                              // of each pulse's thrust, relative
   std::array<double, kAxes> distortion{0, 0,
                                        0};  // smooth error of the mocap over the floor, standard deviation
-  double distortion_length_m = 0.7;         // its correlation length along the path
+  double distortion_length_m = 0.8;         // its correlation length
 
   bool operator==(const NoiseModel& other) const {
     return mocap == other.mocap && slow == other.slow && slow_time_s == other.slow_time_s &&
@@ -26,17 +26,34 @@ struct NoiseModel {
   }
 };
 
-// How an axis moves on by itself from one frame to the next.
+// The way of the robot from one frame to the next.
+struct Travel {
+  double length_m;
+  double turn;  // cosine of the angle to the direction in which it goes on from there
+};
+
+// How an axis moves on by itself from one frame to the next. The distortion is a smooth function of the place
+// (Matern 3/2), followed along the way: its slope in the direction of travel, times length / sqrt(3), is a
+// state of its own, of which a turn keeps the cosine. What returns along its own path meets the same slope.
 struct Transition {
   double dt;
   double slow_decay, slow_to_v, slow_to_p;  // of the slow acceleration, and what it adds meanwhile
-  double distortion_decay;
+  // Of distortion b and slope c; what is new of them, for deviation 1.
+  double b_from_b, b_from_c, c_from_b, c_from_c;
+  double new_bb, new_bc, new_cc;
 
-  Transition(const NoiseModel& noise, double dt, double travel_m);
+  Transition(const NoiseModel& noise, double dt, const Travel& travel);
+
+  template <class S>
+  void distort(S& b, S& c) const {
+    const S before = b;
+    b = b_from_b * before + b_from_c * c;
+    c = c_from_b * before + c_from_c * c;
+  }
 };
 
-// Covariance of one axis' error in [position, velocity, slow acceleration, distortion]; of several axes side
-// by side where S is an array.
+// Covariance of one axis' error in [position, velocity, slow acceleration, distortion, its slope]; of several
+// axes side by side where S is an array.
 template <class S>
 class CovarianceOf {
  public:
@@ -50,51 +67,73 @@ class CovarianceOf {
         pv_(0.0 * mocap),
         pa_(pv_),
         pb_(pv_),
+        pc_(pv_),
         vv_(0.0 * mocap + 1e1),
         va_(pv_),
         vb_(pv_),
+        vc_(pv_),
         aa_(slow2_),
         ab_(pv_),
-        bb_(distortion2_) {}
+        ac_(pv_),
+        bb_(distortion2_),
+        bc_(pv_),
+        cc_(distortion2_) {}
 
   // Variance of what a frame shows.
   S shown_variance() const { return pp_ + 2.0 * pb_ + bb_ + mocap2_; }
 
-  // Takes a frame into account; the gains of the four states.
-  std::array<S, 4> see() {
-    const S p = pp_ + pb_, v = pv_ + vb_, a = pa_ + ab_, b = pb_ + bb_;
+  // Takes a frame into account; the gains of the states.
+  std::array<S, 5> see() {
+    const S p = pp_ + pb_, v = pv_ + vb_, a = pa_ + ab_, b = pb_ + bb_, c = pc_ + bc_;
     const S s = 1.0 / (p + b + mocap2_);
     pp_ -= s * p * p;
     pv_ -= s * p * v;
     pa_ -= s * p * a;
     pb_ -= s * p * b;
+    pc_ -= s * p * c;
     vv_ -= s * v * v;
     va_ -= s * v * a;
     vb_ -= s * v * b;
+    vc_ -= s * v * c;
     aa_ -= s * a * a;
     ab_ -= s * a * b;
+    ac_ -= s * a * c;
     bb_ -= s * b * b;
-    return {s * p, s * v, s * a, s * b};
+    bc_ -= s * b * c;
+    cc_ -= s * c * c;
+    return {s * p, s * v, s * a, s * b, s * c};
   }
 
   // `scatter_variance`: of the velocity change meanwhile for scatter 1. Scatter enters as white acceleration;
   // the floor under it keeps the filter from believing itself without limit.
   void advance(const Transition& to, const S& scatter_variance) {
-    const double dt = to.dt, decay = to.slow_decay, keep = to.distortion_decay;
+    const double dt = to.dt, decay = to.slow_decay;
     const S q = scatter2_ * scatter_variance + 1e-12 * dt;
     const S pp = pp_ + dt * pv_ + to.slow_to_p * pa_, pv = pv_ + dt * vv_ + to.slow_to_p * va_;
-    const S pa = pa_ + dt * va_ + to.slow_to_p * aa_, pb = pb_ + dt * vb_ + to.slow_to_p * ab_;
-    const S vv = vv_ + to.slow_to_v * va_, va = va_ + to.slow_to_v * aa_, vb = vb_ + to.slow_to_v * ab_;
+    const S pa = pa_ + dt * va_ + to.slow_to_p * aa_;
+    const S pb = pb_ + dt * vb_ + to.slow_to_p * ab_, pc = pc_ + dt * vc_ + to.slow_to_p * ac_;
+    const S vv = vv_ + to.slow_to_v * va_, va = va_ + to.slow_to_v * aa_;
+    const S vb = vb_ + to.slow_to_v * ab_, vc = vc_ + to.slow_to_v * ac_;
+    const S ab = decay * ab_, ac = decay * ac_;
     pp_ = pp + dt * pv + to.slow_to_p * pa + q * (dt * dt / 3.0);
     pv_ = pv + to.slow_to_v * pa + q * (dt / 2.0);
     pa_ = decay * pa;
-    pb_ = keep * pb;
     vv_ = vv + to.slow_to_v * va + q;
     va_ = decay * va;
-    vb_ = keep * vb;
     aa_ = decay * decay * aa_ + slow2_ * (1.0 - decay * decay);
-    ab_ *= decay * keep;
-    bb_ = keep * keep * bb_ + distortion2_ * (1.0 - keep * keep);
+    pb_ = to.b_from_b * pb + to.b_from_c * pc;
+    pc_ = to.c_from_b * pb + to.c_from_c * pc;
+    vb_ = to.b_from_b * vb + to.b_from_c * vc;
+    vc_ = to.c_from_b * vb + to.c_from_c * vc;
+    ab_ = to.b_from_b * ab + to.b_from_c * ac;
+    ac_ = to.c_from_b * ab + to.c_from_c * ac;
+    const S b_with_b = to.b_from_b * bb_ + to.b_from_c * bc_,
+            b_with_c = to.b_from_b * bc_ + to.b_from_c * cc_;
+    const S c_with_b = to.c_from_b * bb_ + to.c_from_c * bc_,
+            c_with_c = to.c_from_b * bc_ + to.c_from_c * cc_;
+    bb_ = to.b_from_b * b_with_b + to.b_from_c * b_with_c + distortion2_ * to.new_bb;
+    bc_ = to.c_from_b * b_with_b + to.c_from_c * b_with_c + distortion2_ * to.new_bc;
+    cc_ = to.c_from_b * c_with_b + to.c_from_c * c_with_c + distortion2_ * to.new_cc;
   }
 
   // A prediction knows position and velocity of its start, but takes no slow force and no distortion into
@@ -102,12 +141,13 @@ class CovarianceOf {
   // cross covariances stay.
   void forget_what_predictions_leave_out() {
     aa_ = slow2_;
-    bb_ = distortion2_;
+    bb_ = cc_ = distortion2_;
+    bc_ = 0.0 * distortion2_;
   }
 
  private:
   S mocap2_, slow2_, distortion2_, scatter2_;
-  S pp_, pv_, pa_, pb_, vv_, va_, vb_, aa_, ab_, bb_;
+  S pp_, pv_, pa_, pb_, pc_, vv_, va_, vb_, vc_, aa_, ab_, ac_, bb_, bc_, cc_;
 };
 
 struct AxisCovariance : CovarianceOf<double> {
@@ -116,14 +156,13 @@ struct AxisCovariance : CovarianceOf<double> {
 };
 
 // The gains of one axis of one recording: they depend on the frame times, the pulses and the noise alone, so
-// that they are computed once and used for every column. A frame's state is [position, velocity, slow
-// acceleration, distortion].
+// that they are computed once and used for every column.
 class Whitener {
  public:
   // `times`: of the frames, ascending. `scatter_variance[i]`: variance of the velocity change between frames
-  // i and i + 1 for scatter 1. `travel[i]`: path length between them [m].
+  // i and i + 1 for scatter 1. `travel[i]`: the way between them.
   Whitener(const std::vector<double>& times, const std::vector<double>& scatter_variance,
-           const std::vector<double>& travel, const NoiseModel& noise, Axis axis);
+           const std::vector<Travel>& travel, const NoiseModel& noise, Axis axis);
 
   // Innovations over their standard deviation. `measured[i]` is a pose, `dv[i]` and `dp[i]` what the modelled
   // force adds to velocity and position between frames i and i + 1 (starting from rest there). Linear in the
@@ -165,7 +204,7 @@ class Whitener {
 
   struct Step {
     Transition to_next;
-    std::array<double, 4> gain;
+    std::array<double, 5> gain;
     double inverse_deviation;
   };
   std::vector<Step> step_;
