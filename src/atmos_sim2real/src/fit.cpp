@@ -293,6 +293,15 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
   value += step;
   if (acts_from_outside(moved[free.effect])) {
     Eigen::VectorXd change = own_motion(problem, moved[free.effect], at.effects, f, at.noise);
+    // From both sides: what ends at an edge is far from linear, and anchor and slack of a tether nearly
+    // cancel.
+    const double other = value - 2.0 * step;
+    const Bounds bounds = bounds_of(moved, free);
+    if (bounds.min <= other && other <= bounds.max) {
+      value = other;
+      change -= own_motion(problem, moved[free.effect], at.effects, f, at.noise);
+      return change / (2.0 * step);
+    }
     change -=
         own_at != nullptr ? *own_at : own_motion(problem, at.effects[free.effect], at.effects, f, at.noise);
     return change / step;
