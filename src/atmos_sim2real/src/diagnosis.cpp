@@ -18,17 +18,6 @@ namespace {
 constexpr double kOrdinarySlowForce = 0.012;    // N, standard deviation
 constexpr double kOrdinarySlowTorque = 0.0012;  // N m
 
-// Kinds that pose and command can never separate, whatever is flown (docs/effects.md).
-const std::vector<std::vector<std::string>>& gauges() {
-  static const std::vector<std::vector<std::string>> sets = {
-      {"thrust_scale", "mass_error + inertia_error"},
-      {"floor_tilt", "airflow (uniform)"},
-      {"thruster_dead", "lost command bit"},
-      {"yaw_misalignment", "thruster_misalignment (the same of every thruster)"},
-      {"command_delay", "mocap_latency", "clock offset"}};
-  return sets;
-}
-
 // What every frame of every flight gains when the nominal model is replaced by the final one, at the final
 // noise.
 struct FrameGains {
@@ -200,7 +189,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
 
   for (const Claim& claim : found.claims) {
     std::vector<std::string> same;
-    for (const auto& set : gauges()) {
+    for (const auto& set : inseparable()) {
       if (set.front() == claim.hypothesis.kind) same.assign(set.begin() + 1, set.end());
     }
     const double near_nats = indistinct(claim.rival_reference);

@@ -133,11 +133,6 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
 
 namespace {
 
-struct Line {
-  double frequency_hz;
-  double choices;  // frequencies at which it could have been
-};
-
 // The strongest line in the spectrum of the innovations of some axes, where it stands out of white noise.
 std::optional<Line> strongest_line(const Flight& flight, const Eigen::VectorXd& innovations, int first_axis,
                                    int last_axis, double least_gain) {
@@ -170,7 +165,8 @@ std::optional<Line> strongest_line(const Flight& flight, const Eigen::VectorXd& 
       std::max_element(power.begin() + static_cast<long>(first), power.begin() + static_cast<long>(last));
   const double choices = static_cast<double>(last - first);
   if (*peak < least_gain + std::log(choices)) return std::nullopt;
-  return Line{static_cast<double>(peak - power.begin()) * rate / static_cast<double>(padded), choices};
+  return Line{static_cast<double>(peak - power.begin()) * rate / static_cast<double>(padded), choices,
+              flight.recording().duration_s()};
 }
 
 }  // namespace
@@ -180,9 +176,10 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
     const auto turning = strongest_line(flight, fit.innovations[f], kYaw, kYaw, least_gain);
-    if (turning) found.push_back(swinging_torque(turning->frequency_hz, std::log(turning->choices)));
+    if (turning) found.push_back(swinging_torque(*turning));
     const auto line = strongest_line(flight, fit.innovations[f], kX, kY, least_gain);
     if (!line) continue;
+    found.push_back(circling_force(*line));
 
     FloorVibration vibration;
     vibration.frequency_hz = line->frequency_hz;

@@ -1,6 +1,7 @@
 #include "atmos_sim2real/laws.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <sstream>
 
@@ -15,6 +16,7 @@ struct Coefficient {
   std::string name;
   std::string unit;
   double width;  // what is plausible, in the unit
+  double mean = 0.0;
 };
 
 Hypothesis law(const std::string& name, const std::string& force_x, const std::string& force_y,
@@ -27,9 +29,10 @@ Hypothesis law(const std::string& name, const std::string& force_x, const std::s
   hypothesis.kind = Unmodelled::kKind;
   hypothesis.law = name;
   for (std::size_t k = 0; k < coefficients.size(); ++k) {
-    effect.coefficients[coefficients[k].name] = {0.0, coefficients[k].unit};
+    const Coefficient& coefficient = coefficients[k];
+    effect.coefficients[coefficient.name] = {coefficient.mean, coefficient.unit};
     hypothesis.free.push_back(
-        {0, "coefficients", k, 0.0, coefficients[k].width, 1e-2 * coefficients[k].width});
+        {0, "coefficients", k, coefficient.mean, coefficient.width, 1e-2 * coefficient.width});
   }
   hypothesis.starts.push_back({effect, {"coefficients"}});
   return hypothesis;
@@ -68,29 +71,39 @@ Hypothesis thrust_law(const Vehicle& vehicle, const std::string& name, const std
              coefficients);
 }
 
-// A pull towards a point that falls with the square of the distance, like a magnet's or an electrode's.
+// A pull on a point of the body towards a place, that fades over a length, like a magnet's or an electrode's.
 Hypothesis attraction(const Box& floor) {
   const auto [x0, x1, y0, y1] = floor;
-  Unmodelled effect;
-  const std::string cubed = "((x - cx)^2 + (y - cy)^2 + 0.01)^1.5";
-  effect.force_x_n = "k*(cx - x)/" + cubed;
-  effect.force_y_n = "k*(cy - y)/" + cubed;
-  Hypothesis hypothesis;
-  hypothesis.kind = Unmodelled::kKind;
-  hypothesis.law = "a pull towards a point that falls with the square of the distance";
+  const std::string dx = "(cx - x - ax*cos(yaw) + ay*sin(yaw))", dy = "(cy - y - ax*sin(yaw) - ay*cos(yaw))";
+  const std::string pull = "k/(1 + (" + dx + "^2 + " + dy + "^2)/s^2)^p";
+  const double middle_x = 0.5 * (x0 + x1), middle_y = 0.5 * (y0 + y1);
+  Hypothesis hypothesis =
+      law("a pull on a point of the body towards a place", dx + "*" + pull, dy + "*" + pull,
+          "((ax*cos(yaw) - ay*sin(yaw))*" + dy + " - (ax*sin(yaw) + ay*cos(yaw))*" + dx + ")*" + pull,
+          {{"ax", "m", 0.1},
+           {"ay", "m", 0.1},
+           {"cx", "m", 0.5 * (x1 - x0) + 0.5, middle_x},
+           {"cy", "m", 0.5 * (y1 - y0) + 0.5, middle_y},
+           {"k", "N/m", 0.2},
+           {"p", "1", 2.0, 2.5},
+           {"s", "m", 0.5, 0.5}});
+  for (FreeParameter& free : hypothesis.free) {
+    if (free.prior_mean == 2.5) free.least = 1.0;
+    if (free.prior_mean == 0.5) free.least = 0.1;
+  }
+  Unmodelled effect = std::get<Unmodelled>(hypothesis.starts.front().effect);
+  hypothesis.starts.clear();
   const double step_x = std::max(0.4, (x1 - x0) / 6.0), step_y = std::max(0.4, (y1 - y0) / 6.0);
   for (double cx = x0 - step_x; cx <= x1 + 1.5 * step_x; cx += step_x) {
     for (double cy = y0 - step_y; cy <= y1 + 1.5 * step_y; cy += step_y) {
-      for (const double k : {0.02, -0.02}) {
-        effect.coefficients = {{"cx", {cx, "m"}}, {"cy", {cy, "m"}}, {"k", {k, "N m^2"}}};
+      for (const double k : {0.1, -0.1}) {
+        effect.coefficients["cx"].value = cx;
+        effect.coefficients["cy"].value = cy;
+        effect.coefficients["k"].value = k;
         hypothesis.starts.push_back({effect, {}});
       }
     }
   }
-  const double middle_x = 0.5 * (x0 + x1), middle_y = 0.5 * (y0 + y1);
-  hypothesis.free = {{0, "coefficients", 0, middle_x, 0.5 * (x1 - x0) + 0.5, 1e-2},
-                     {0, "coefficients", 1, middle_y, 0.5 * (y1 - y0) + 0.5, 1e-2},
-                     {0, "coefficients", 2, 0.0, 0.03, 1e-4}};
   return hypothesis;
 }
 
@@ -217,13 +230,33 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
   return all;
 }
 
-Hypothesis swinging_torque(double frequency_hz, double penalty) {
-  const std::string angle = "(" + text(2.0 * M_PI * frequency_hz) + "*t)";
-  Hypothesis hypothesis = law("a torque that swings at " + text(frequency_hz) + " Hz", "0", "0",
-                              "a*cos" + angle + " + b*sin" + angle, {{"a", "N m", 5e-3}, {"b", "N m", 5e-3}});
+namespace {
+
+std::string swing(const std::string& sine, const std::string& cosine) {
+  const std::string angle = "(" + text(2.0 * M_PI) + "*f*t)";
+  return sine + "*sin" + angle + " + " + cosine + "*cos" + angle;
+}
+
+Hypothesis swinging(const std::string& what, const std::array<std::string, 3>& formulas,
+                    std::vector<Coefficient> amplitudes, const Line& line) {
+  amplitudes.push_back({"f", "Hz", 0.5 / line.duration_s, line.frequency_hz});
+  Hypothesis hypothesis =
+      law(what + " at " + text(line.frequency_hz) + " Hz", formulas[0], formulas[1], formulas[2], amplitudes);
   hypothesis.local = true;
-  hypothesis.penalty = kStrangerPrice + penalty;
+  hypothesis.penalty = kStrangerPrice + std::log(line.choices);
   return hypothesis;
+}
+
+}  // namespace
+
+Hypothesis swinging_torque(const Line& line) {
+  return swinging("a torque that swings", {"0", "0", swing("a", "b")},
+                  {{"a", "N m", 5e-3}, {"b", "N m", 5e-3}}, line);
+}
+
+Hypothesis circling_force(const Line& line) {
+  return swinging("a force that goes round", {swing("a", "b"), swing("c", "d"), "0"},
+                  {{"a", "N", 0.2}, {"b", "N", 0.2}, {"c", "N", 0.2}, {"d", "N", 0.2}}, line);
 }
 
 bool changes_slowly(const Unmodelled& law) {

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <utility>
 
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
@@ -205,7 +206,7 @@ bool blows_as_slopes(const Tried& tried, double gain_of_floor) {
 
 // Of candidates that explain the flights equally well, the simplest is named: friction everywhere and not in
 // a patch that happens to cover all that was visited, an uneven floor and not a wind that blows as its
-// slopes.
+// slopes, what has a name before a law that has none; of an inseparable set its first.
 void simplest_of_equals_first(std::vector<Tried>& tried) {
   if (tried.empty()) return;
   const auto floor = std::find_if(tried.begin(), tried.end(), [](const Tried& other) {
@@ -217,9 +218,16 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
   const auto end =
       std::find_if(tried.begin(), tried.end(), [&](const Tried& other) { return other.gain < least; });
   const auto simplest = std::min_element(tried.begin(), end, [](const Tried& a, const Tried& b) {
-    return complexity(a.hypothesis) < complexity(b.hypothesis);
+    return std::pair(!a.hypothesis.law.empty(), complexity(a.hypothesis)) <
+           std::pair(!b.hypothesis.law.empty(), complexity(b.hypothesis));
   });
   std::rotate(tried.begin(), simplest, simplest + 1);
+  for (const std::vector<std::string>& same : inseparable()) {
+    if (std::find(same.begin(), same.end(), tried.front().hypothesis.kind) == same.end()) continue;
+    const auto first = std::find_if(
+        tried.begin(), end, [&](const Tried& other) { return other.hypothesis.kind == same.front(); });
+    if (first != end) std::rotate(tried.begin(), first, first + 1);
+  }
 }
 
 // The best starts of the best hypotheses, and every map that is not hopeless.

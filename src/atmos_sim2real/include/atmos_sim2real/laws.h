@@ -8,12 +8,21 @@
 
 namespace atmos {
 
-// One hypothesis of kind `unmodelled` per law; each is linear in its coefficients, but for the place of an
-// attraction.
+// One hypothesis of kind `unmodelled` per law; each is linear in its coefficients, but for places, lengths
+// and frequencies.
 std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& flights);
 
-// A torque of one frequency, found in the innovations; `penalty`: nats for the choice of the frequency.
-Hypothesis swinging_torque(double frequency_hz, double penalty);
+// A frequency that stands out of the innovations of a flight.
+struct Line {
+  double frequency_hz;
+  double choices;  // frequencies at which it could have been
+  double duration_s;
+};
+
+// A torque of one frequency; a force of one frequency that does not swing along a line, as floor_vibration
+// does.
+Hypothesis swinging_torque(const Line& line);
+Hypothesis circling_force(const Line& line);
 
 // Whether a law's formulas read an opening.
 bool depends_on_valves(const Unmodelled& law);

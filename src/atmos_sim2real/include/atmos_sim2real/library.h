@@ -31,6 +31,10 @@ struct Hypothesis {
 // Whether both are about the same thing: the same kind of the same thruster, or the same law.
 bool same_subject(const Hypothesis& a, const Hypothesis& b);
 
+// Kinds that pose and command can never separate, whatever is flown (docs/effects.md): of each set the first
+// is claimed. The others may be no kind alone.
+const std::vector<std::vector<std::string>>& inseparable();
+
 // All hypotheses for these flights (they fix where floor and tether grids lie), except those found in the
 // innovations themselves (events, oscillations).
 std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Flight>& flights);
