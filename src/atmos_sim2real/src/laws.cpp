@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 namespace atmos {
@@ -17,6 +18,7 @@ struct Coefficient {
   std::string unit;
   double width;  // what is plausible, in the unit
   double mean = 0.0;
+  double least = -std::numeric_limits<double>::infinity();
 };
 
 Hypothesis law(const std::string& name, const std::string& force_x, const std::string& force_y,
@@ -33,9 +35,21 @@ Hypothesis law(const std::string& name, const std::string& force_x, const std::s
     effect.coefficients[coefficient.name] = {coefficient.mean, coefficient.unit};
     hypothesis.free.push_back(
         {0, "coefficients", k, coefficient.mean, coefficient.width, 1e-2 * coefficient.width});
+    hypothesis.free.back().least = coefficient.least;
   }
   hypothesis.starts.push_back({effect, {"coefficients"}});
   return hypothesis;
+}
+
+// The law with a coefficient that it is not linear in, from each of these values.
+Hypothesis from_each(const Coefficient& coefficient, const std::vector<double>& values, Hypothesis law) {
+  const Start first = law.starts.front();
+  law.starts.clear();
+  for (const double value : values) {
+    law.starts.push_back(first);
+    std::get<Unmodelled>(law.starts.back().effect).coefficients[coefficient.name].value = value;
+  }
+  return law;
 }
 
 std::string text(double value) {
@@ -85,12 +99,8 @@ Hypothesis attraction(const Box& floor) {
            {"cx", "m", 0.5 * (x1 - x0) + 0.5, middle_x},
            {"cy", "m", 0.5 * (y1 - y0) + 0.5, middle_y},
            {"k", "N/m", 0.2},
-           {"p", "1", 2.0, 2.5},
-           {"s", "m", 0.5, 0.5}});
-  for (FreeParameter& free : hypothesis.free) {
-    if (free.prior_mean == 2.5) free.least = 1.0;
-    if (free.prior_mean == 0.5) free.least = 0.1;
-  }
+           {"p", "1", 2.0, 2.5, 1.0},
+           {"s", "m", 0.5, 0.5, 0.1}});
   Unmodelled effect = std::get<Unmodelled>(hypothesis.starts.front().effect);
   hypothesis.starts.clear();
   const double step_x = std::max(0.4, (x1 - x0) / 6.0), step_y = std::max(0.4, (y1 - y0) / 6.0);
@@ -159,7 +169,8 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
   const std::pair<std::string, std::string> body = {"(a*cos(yaw) - b*sin(yaw))", "(a*sin(yaw) + b*cos(yaw))"};
   const std::string speed = "sqrt(vx^2 + vy^2)";
   const std::string along = "(vx*cos(yaw) + vy*sin(yaw))", across = "(vy*cos(yaw) - vx*sin(yaw))";
-  const double slope = 2.0 / duration;                  // 1/s: from nothing to twice the plausible
+  const std::string grown = "abs(t/" + text(duration) + ")^p";
+  const Coefficient power{"p", "1", 0.5, 1.0, 0.2}, exponent{"p", "1", 0.5, 1.0, 0.1};
   const double brisk = std::max(6.0, duration / 16.0);  // s
   const auto push = [](const std::string& name, const std::pair<std::string, std::string>& forces,
                        const std::vector<Coefficient>& coefficients) {
@@ -174,8 +185,8 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
       push("a force that turns with the body and comes with every open valve",
            {body.first + "*(" + open + ")", body.second + "*(" + open + ")"},
            {{"a", "N", 0.3 * force}, {"b", "N", 0.3 * force}}),
-      push("a force that grows with time", {"a*t", "b*t"},
-           {{"a", "N/s", slope * force}, {"b", "N/s", slope * force}}),
+      push("a force that grows with time", {"a*" + grown, "b*" + grown},
+           {{"a", "N", 2.0 * force}, {"b", "N", 2.0 * force}, power}),
       push("a force across the velocity", {"-a*vy", "a*vx"}, {{"a", "N s/m", 0.4}}),
       push("a force across the velocity that grows with the spin", {"-a*yaw_rate*vy", "a*yaw_rate*vx"},
            {{"a", "N s^2/m", 1.0}}),
@@ -185,8 +196,10 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
            {"-a*" + along + "*cos(yaw) + b*" + across + "*sin(yaw)",
             "-a*" + along + "*sin(yaw) - b*" + across + "*cos(yaw)"},
            {{"a", "N s/m", 0.4}, {"b", "N s/m", 0.4}}),
-      push("a drag that grows with the cube of the speed", {"-a*(vx^2 + vy^2)*vx", "-a*(vx^2 + vy^2)*vy"},
-           {{"a", "N s^3/m^3", 10.0}}),
+      from_each(exponent, {0.25, 1.0},
+                push("a drag that grows with a power of the speed",
+                     {"-a*(vx^2 + vy^2)^p*vx", "-a*(vx^2 + vy^2)^p*vy"},
+                     {{"a", "N (s/m)^(1 + 2 p)", 5.0}, exponent})),
       push("a force that changes linearly over the floor", {"a + b*x + c*y", "d + e*x + f*y"},
            {{"a", "N", force},
             {"b", "N/m", force},
@@ -196,7 +209,7 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
             {"f", "N/m", force}}),
       attraction(visited(flights)),
       turn("a steady torque", "a", {{"a", "N m", torque}}),
-      turn("a torque that grows with time", "a*t", {{"a", "N m/s", slope * torque}}),
+      turn("a torque that grows with time", "a*" + grown, {{"a", "N m", 2.0 * torque}, power}),
       turn("a torque that depends on the heading", "a*cos(yaw) + b*sin(yaw)",
            {{"a", "N m", torque}, {"b", "N m", torque}}),
       turn("a torque that depends on twice the heading", "a*cos(2*yaw) + b*sin(2*yaw)",
@@ -205,7 +218,8 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
            {{"a", "N m", torque}, {"b", "N", torque}, {"c", "N", torque}}),
       turn("a torque that comes with motion along and across the body", "a*" + along + " + b*" + across,
            {{"a", "N s", 10.0 * torque}, {"b", "N s", 10.0 * torque}}),
-      turn("a torque against the square of the spin", "-a*yaw_rate*abs(yaw_rate)", {{"a", "N m s^2", 0.05}}),
+      turn("a torque against a power of the spin", "-a*yaw_rate*abs(yaw_rate)^p",
+           {{"a", "N m s^(1 + p)", 0.05}, exponent}),
       turn("a torque that comes with every open valve", "a*(" + open + ")", {{"a", "N m", torque}}),
       thrust_law(vehicle, "a thrust that changes with time", "a*t", {{"a", "1/s", 0.3 / duration}}),
       thrust_law(vehicle, "a thrust that changes with the speed", "a*" + speed, {{"a", "s/m", 1.0}}),
@@ -217,13 +231,13 @@ std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& 
       wandering("a torque that wanders with time", duration, brisk, {}, {}, {"c", "N m", torque}),
       wandering("a torque that drifts with time", duration, 3.0 * brisk, {}, {}, {"c", "N m", torque}),
   };
-  for (const double fading : {5.0, 15.0, 45.0}) {  // s: what relaxes does so exponentially
-    const std::string left = "exp(-t/" + text(fading) + ")";
-    all.push_back(push("a force that fades within " + text(fading) + " s", {"a*" + left, "b*" + left},
-                       {{"a", "N", 2.0 * force}, {"b", "N", 2.0 * force}}));
-    all.push_back(
-        turn("a torque that fades within " + text(fading) + " s", "a*" + left, {{"a", "N m", 2.0 * torque}}));
-  }
+  const std::string left = "exp(-t/tau)";  // what relaxes does so exponentially
+  const Coefficient tau{"tau", "s", 20.0, 15.0, 1.0};
+  all.push_back(from_each(tau, {5.0, 15.0, 45.0},
+                          push("a force that fades", {"a*" + left, "b*" + left},
+                               {{"a", "N", 2.0 * force}, {"b", "N", 2.0 * force}, tau})));
+  all.push_back(from_each(tau, {5.0, 15.0, 45.0},
+                          turn("a torque that fades", "a*" + left, {{"a", "N m", 2.0 * torque}, tau})));
   const double choices = std::log(static_cast<double>(all.size()));
   for (Hypothesis& hypothesis : all) hypothesis.penalty = kStrangerPrice + choices;
   for (Hypothesis& pair : valve_pairs(vehicle)) all.push_back(std::move(pair));
