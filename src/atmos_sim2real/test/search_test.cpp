@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "synthetic.h"
 
 namespace atmos {
@@ -16,6 +18,9 @@ struct Flown {
 
   Flown(const std::vector<Effect>& truth, double duration_s, std::uint32_t seed) {
     flights.emplace_back(fly(vehicle, truth, pulse_commands(kStart, duration_s, seed), seed + 1).recording);
+  }
+  Flown(const std::vector<ThrusterCommand>& commands, std::uint32_t seed) {
+    flights.emplace_back(fly(vehicle, {}, commands, seed).recording);
   }
   Flown(const Flown&) = delete;
 
@@ -96,6 +101,32 @@ TEST(Search, NamesClockAndValvesTogether) {
   for (PoseSample& pose : skewed.poses) pose.time_s = kStart + (pose.time_s - kStart) * (1.0 - 2e-3);
   flown.flights.front() = Flight(skewed);
   EXPECT_EQ(named_by(flown), (std::vector<std::string>{"clock_skew", "valve_delay"}));
+}
+
+TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
+  // Back and forth along x and y, half a metre each.
+  std::vector<ThrusterCommand> commands;
+  for (int k = 0; k < 1000; ++k) {
+    ThrusterCommand command{kStart + 0.1 * k, 0.1, std::vector<double>(8, 0.0)};
+    const int leg = k / 100, within = k % 100;
+    const bool out = within < 5 || within >= 85, back = within >= 40 && within < 50;
+    const bool along_x = leg % 2 == 0;
+    if (out || back) {
+      for (const int thruster : along_x ? (out ? std::array{1, 3} : std::array{2, 4})
+                                        : (out ? std::array{6, 8} : std::array{5, 7}))
+        command.duty[static_cast<std::size_t>(thruster - 1)] = 0.7;
+    }
+    commands.push_back(command);
+  }
+  Flown flown(commands, 5);
+  Recording distorted = flown.flights.front().recording();
+  for (PoseSample& pose : distorted.poses) {
+    const double x = pose.x_m;
+    pose.x_m += 1.6e-3 * std::sin(6.0 * x + 4.0 * pose.y_m);
+    pose.y_m += 1.6e-3 * std::cos(5.0 * x - 6.0 * pose.y_m);
+  }
+  flown.flights.front() = Flight(distorted);
+  EXPECT_EQ(named_by(flown), std::vector<std::string>());
 }
 
 TEST(Search, NamesALawThatNoTwoKnownEffectsExplain) {
