@@ -57,10 +57,16 @@ Size size_of(const Effect& effect, double flown_s) {
   return {"since_s", flown_s};
 }
 
-// One of a hypothesis' starts to ask by: of patches one where the robot was, else the middle one.
+// One of a hypothesis' starts to ask by: of patches one where the robot was, else the middle one, of those
+// that measure a size linearly if there are such.
 Start typical_start(const Hypothesis& hypothesis, const std::vector<Flight>& flights) {
   const std::vector<Start>& starts = hypothesis.starts;
-  if (!std::holds_alternative<FrictionPatch>(starts.front().effect)) return starts[starts.size() / 2];
+  if (!std::holds_alternative<FrictionPatch>(starts.front().effect)) {
+    const auto presences =
+        std::find_if(starts.begin(), starts.end(), [](const Start& start) { return start.linear.empty(); });
+    const auto linear = static_cast<std::size_t>(presences - starts.begin());
+    return starts[(linear > 0 ? linear : starts.size()) / 2];
+  }
   const std::vector<PlanarState<double>>& motion = flights.front().motion();
   const Eigen::Vector2d there = motion[motion.size() / 2].p_WC;
   const auto distance = [&](const Start& start) {

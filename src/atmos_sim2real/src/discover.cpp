@@ -198,6 +198,10 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
     vibration.amplitude_n = svd.singularValues()[0];
     vibration.direction_rad = std::atan2(svd.matrixU()(1, 0), svd.matrixU()(0, 0));
     vibration.phase_rad = std::atan2(svd.matrixV()(1, 0), svd.matrixV()(0, 0));
+    if (vibration.direction_rad < 0.0) {  // a line has two directions: one in [0, pi)
+      vibration.direction_rad += M_PI;
+      vibration.phase_rad = std::remainder(vibration.phase_rad + M_PI, 2.0 * M_PI);
+    }
 
     Hypothesis hypothesis;
     hypothesis.kind = FloorVibration::kKind;

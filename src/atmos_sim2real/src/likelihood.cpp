@@ -113,6 +113,17 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
 
 }  // namespace
 
+namespace {
+
+// Nats against a distortion, half normal: over a small piece of floor a large one is a change of scale, which
+// takes the thrust's place.
+double implausible(double distortion, int axis) {
+  const double usual = axis == kYaw ? 2e-3 : 5e-4;  // rad, m
+  return 0.5 * (distortion / usual) * (distortion / usual);
+}
+
+}  // namespace
+
 NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<ForceIntegrals>& forces,
                      NoiseModel start, bool thorough) {
   std::vector<std::vector<Transition>> transitions(flights.size());
@@ -141,6 +152,10 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
     for (std::size_t k = 0; k < each.size(); ++k) {
       const std::size_t trial = k % trials.size();
       sums[trial * noises.size() / trials.size()][static_cast<std::size_t>(trials[trial].axis)] += each[k];
+    }
+    for (std::size_t k = 0; k < noises.size(); ++k) {
+      for (int axis = first; axis <= last; ++axis)
+        sums[k][static_cast<std::size_t>(axis)] -= implausible(noises[k].distortion[axis], axis);
     }
     return sums;
   };

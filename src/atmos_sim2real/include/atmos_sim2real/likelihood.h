@@ -18,7 +18,8 @@ double log_likelihood(const Eigen::VectorXd& innovations, double log_determinant
 
 // Finds the noise under which the flights are most likely, given the forces, by coordinate search over slow
 // acceleration, scatter, distortion and white noise, from `start`, which stays where 0.3 nats or less can be
-// gained. Levels stay above physical floors. Without `thorough` the start must be near.
+// gained. Levels stay above physical floors, and distortions of a millimetre cost nats. Without `thorough`
+// the start must be near.
 NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<ForceIntegrals>& forces,
                      NoiseModel start, bool thorough);
 
