@@ -488,19 +488,24 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
 
   current.evidence = objective(current) - occam_factor(prior, H, current.free);
 
-  // Covariance from blocks: honest about correlation that the residual has left.
+  // Covariance from blocks: honest about correlation that the residual has left. A block's own part in the
+  // fit made its residual smaller; of many parameters, as maps have, blocks are too few to say so.
   const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
   Eigen::MatrixXd meat = prior;
   constexpr Eigen::Index kBlock = 500;  // frames: 5 s
+  constexpr Eigen::Index kMany = 40;    // parameters
   for (std::size_t f = 0; f < J.size(); ++f) {
     const Eigen::Index frames = J[f].rows() / kAxes;
     for (Eigen::Index begin = 0; begin < frames; begin += kBlock) {
       const Eigen::Index size = std::min(kBlock, frames - begin);
       Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
+      Eigen::MatrixXd rest = H;
       for (int axis = 0; axis < kAxes; ++axis) {
-        score += J[f].middleRows(axis * frames + begin, size).transpose() *
-                 current.innovations[f].segment(axis * frames + begin, size);
+        const auto rows = J[f].middleRows(axis * frames + begin, size);
+        score += rows.transpose() * current.innovations[f].segment(axis * frames + begin, size);
+        if (n <= kMany) rest -= rows.transpose() * rows;
       }
+      if (n <= kMany) score = H * rest.ldlt().solve(score);
       meat.noalias() += score * score.transpose();
     }
   }
