@@ -98,7 +98,7 @@ Flight::Flight(Recording recording) : recording_(std::move(recording)) {
     motion_.push_back(state);
   }
   for (auto& variance : scatter_variance_) variance.assign(times_.size(), 0.0);
-  travel_.assign(times_.size(), {0.0, 1.0});
+  travel_.assign(times_.size(), {0.0, 0.0, 1.0});
 }
 
 PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
@@ -314,19 +314,19 @@ void Flight::set_motion(const Plant& plant, const std::array<std::vector<double>
   derived_ = std::make_shared<Derived>();
 }
 
-// The way in chords of 5 mm: in shorter ones noise decides length and direction.
 void Flight::note_travel() {
-  constexpr double kChord = 0.005;
+  constexpr double kChord = 0.005;  // m: of shorter ways noise decides length and direction
   const std::size_t n = frames();
-  travel_.assign(n, {1e-9, 1.0});
+  travel_.assign(n, {1e-9, 1e-9, 1.0});
   Eigen::Vector2d direction = Eigen::Vector2d::Zero();
   for (std::size_t begin = 0, end = 1; end < n; ++end) {
+    travel_[end - 1].path_m += (motion_[end].p_WC - motion_[end - 1].p_WC).norm();
     const Eigen::Vector2d chord = motion_[end].p_WC - motion_[begin].p_WC;
     if (chord.norm() < kChord) continue;
     if (begin > 0) travel_[begin - 1].turn = direction.dot(chord.normalized());
     direction = chord.normalized();
-    const double length = chord.norm() / static_cast<double>(end - begin);
-    for (; begin < end; ++begin) travel_[begin].length_m = length;
+    const double share = chord.norm() / static_cast<double>(end - begin);
+    for (; begin < end; ++begin) travel_[begin].chord_m = share;
   }
 }
 

@@ -63,13 +63,14 @@ using Lanes = Eigen::Array<double, kLanes, 1>;
 // wait for one another. The trials' correlation time and length are those of `transitions`.
 void score(const Flight& flight, const ForceIntegrals& forces, const std::vector<Transition>& transitions,
            const Trial* trials, int count, double* scores) {
-  Lanes mocap, slow, distortion, scatter;
+  Lanes mocap, slow, rough, distortion, scatter;
   const double *measured[kLanes], *dv[kLanes], *dp[kLanes], *variance[kLanes];
   for (int k = 0; k < kLanes; ++k) {
     const Trial& trial = trials[std::min(k, count - 1)];
     const int axis = trial.axis;
     mocap[k] = trial.noise.mocap[axis];
     slow[k] = trial.noise.slow[axis];
+    rough[k] = trial.noise.rough[axis];
     distortion[k] = trial.noise.distortion[axis];
     scatter[k] = trial.noise.scatter;
     measured[k] = forces.measured[axis].data();
@@ -80,13 +81,14 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
   const auto at = [](const double* const* tracks, std::size_t i) {
     return Lanes(tracks[0][i], tracks[1][i], tracks[2][i], tracks[3][i]);
   };
-  CovarianceOf<Lanes> covariance(mocap, slow, distortion, scatter);
+  CovarianceOf<Lanes> covariance(mocap, slow, rough, distortion, scatter);
   const Lanes none = Lanes::Zero();
-  Lanes p = at(measured, 0), v = none, d = none, b = none, c = none, squares = none, log_determinant = none;
+  Lanes p = at(measured, 0), v = none, d = none, r = none, b = none, c = none, squares = none,
+        log_determinant = none;
   Lanes product = Lanes::Ones();  // of a few variances: one logarithm for all of them
   const std::size_t n = flight.frames();
   for (std::size_t i = 0; i < n; ++i) {
-    const Lanes e = at(measured, i) - p - b;
+    const Lanes e = at(measured, i) - p - r - b;
     if (i >= static_cast<std::size_t>(Whitener::kBurnIn)) {
       const Lanes shown = covariance.shown_variance();
       product *= shown;
@@ -96,7 +98,7 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
       log_determinant += product.log();
       product = Lanes::Ones();
     }
-    const std::array<Lanes, 5> gain = covariance.see();
+    const std::array<Lanes, 6> gain = covariance.see();
     const Transition& to = transitions[i];
     covariance.advance(to, at(variance, i));
     v += gain[1] * e;
@@ -104,9 +106,9 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
     p += gain[0] * e + v * to.dt + d * to.slow_to_p + at(dp, i);
     v += d * to.slow_to_v + at(dv, i);
     d *= to.slow_decay;
-    b += gain[3] * e;
-    c += gain[4] * e;
-    to.distort(b, c);
+    r = (r + gain[3] * e) * to.rough_decay;
+    const Lanes seen_b = b + gain[4] * e, seen_c = c + gain[5] * e;
+    to.distort(seen_b, seen_c, b, c);
   }
   for (int k = 0; k < count; ++k) scores[k] = -0.5 * (squares[k] + log_determinant[k]);
 }
@@ -116,7 +118,7 @@ void score(const Flight& flight, const ForceIntegrals& forces, const std::vector
 namespace {
 
 // Nats against a distortion, half normal: over a small piece of floor a large one is a change of scale, which
-// takes the thrust's place.
+// takes the thrust's place; and a smooth error of a centimetre would take the place of any effect.
 double implausible(double distortion, int axis) {
   const double usual = axis == kYaw ? 2e-3 : 5e-4;  // rad, m
   return 0.5 * (distortion / usual) * (distortion / usual);
@@ -184,11 +186,17 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
       {[&](NoiseModel& n, double f) { clamp(n.mocap[kYaw], f, 1e-6, 0.1); }, kYaw, kYaw},
       {[&](NoiseModel& n, double f) { clamp(n.scatter, f, 1e-3, 0.5); }, kX, kYaw},
       {[&](NoiseModel& n, double f) {
-         clamp(n.distortion[kX], f, 1e-6, 0.01);
+         clamp(n.rough[kX], f, 1e-6, 0.01);
+         n.rough[kY] = n.rough[kX];
+       },
+       kX, kY},
+      {[&](NoiseModel& n, double f) { clamp(n.rough[kYaw], f, 1e-6, 0.05); }, kYaw, kYaw},
+      {[&](NoiseModel& n, double f) {
+         clamp(n.distortion[kX], f, 1e-6, 1e-3);
          n.distortion[kY] = n.distortion[kX];
        },
        kX, kY},
-      {[&](NoiseModel& n, double f) { clamp(n.distortion[kYaw], f, 1e-6, 0.05); }, kYaw, kYaw},
+      {[&](NoiseModel& n, double f) { clamp(n.distortion[kYaw], f, 1e-6, 5e-3); }, kYaw, kYaw},
   };
   constexpr double kBetter = 1e-6, kWorthTheChange = 0.3;  // nats
   AxisScores scores = scores_of({best}, kX, kYaw).front();

@@ -20,7 +20,8 @@ Transition::Transition(const NoiseModel& noise, double step_s, const Travel& tra
   slow_decay = 1.0 - lost;
   slow_to_v = noise.slow_time_s * lost;
   slow_to_p = noise.slow_time_s * (dt - slow_to_v);
-  const double x = std::sqrt(3.0) * travel.length_m / noise.distortion_length_m;
+  rough_decay = 1.0 - lost_share(travel.path_m / noise.rough_length_m);
+  const double x = std::sqrt(3.0) * travel.chord_m / noise.distortion_length_m;
   const double keep = 1.0 - lost_share(x), y = 2.0 * x, turn = travel.turn;
   b_from_b = keep * (1.0 + x);
   b_from_c = keep * x;
@@ -57,22 +58,24 @@ Whitener::Whitener(const std::vector<double>& times, const std::vector<double>& 
 template <class AfterFrame>
 void Whitener::run(const double* measured, const double* dv, const double* dp, double* innovations,
                    const AfterFrame& after_frame) const {
-  double p = measured[0], v = 0.0, d = 0.0, b = 0.0, c = 0.0;
+  double p = measured[0], v = 0.0, d = 0.0, r = 0.0, b = 0.0, c = 0.0;
   const std::size_t n = step_.size();
   for (std::size_t i = 0; i < n; ++i) {
     const Step& step = step_[i];
-    const double e = measured[i] - p - b;
+    const double e = measured[i] - p - r - b;
     innovations[i] = e * step.inverse_deviation;
     p += step.gain[0] * e;
     v += step.gain[1] * e;
     d += step.gain[2] * e;
-    b += step.gain[3] * e;
-    c += step.gain[4] * e;
+    r += step.gain[3] * e;
+    b += step.gain[4] * e;
+    c += step.gain[5] * e;
     after_frame(i, p, v);
     if (i + 1 == n) break;
     p += v * step.to_next.dt + d * step.to_next.slow_to_p + dp[i];
     v += d * step.to_next.slow_to_v + dv[i];
     d *= step.to_next.slow_decay;
+    r *= step.to_next.rough_decay;
     step.to_next.distort(b, c);
   }
 }
@@ -97,7 +100,7 @@ bool at_rest(const Whitener::Track& track, std::size_t i) {
 template <std::size_t N>
 void Whitener::run_together(const std::array<const Whitener*, N>& axes, const std::array<Track, N>& tracks,
                             std::size_t first) {
-  std::array<double, N> p, v{}, d{}, b{}, c{};
+  std::array<double, N> p, v{}, d{}, r{}, b{}, c{};
   for (std::size_t k = 0; k < N; ++k) p[k] = first == 0 ? tracks[k].measured[0] : 0.0;
   const std::size_t n = axes[0]->step_.size();
   double largest = 0.0, recent = 0.0;
@@ -113,7 +116,7 @@ void Whitener::run_together(const std::array<const Whitener*, N>& axes, const st
       }
       if (still > i) {
         for (const Track& track : tracks) std::fill(track.innovations + i, track.innovations + still, 0.0);
-        p = v = d = b = c = {};
+        p = v = d = r = b = c = {};
         i = still;
         if (i == n) return;
       }
@@ -122,15 +125,16 @@ void Whitener::run_together(const std::array<const Whitener*, N>& axes, const st
     for (std::size_t k = 0; k < N; ++k) {
       const Step& step = axes[k]->step_[i];
       const Track& track = tracks[k];
-      const double e = track.measured[i] - p[k] - b[k];
+      const double e = track.measured[i] - p[k] - r[k] - b[k];
       track.innovations[i] = e * step.inverse_deviation;
       recent = std::max(recent, std::abs(track.innovations[i]));
       const double after = v[k] + step.gain[1] * e, slow = d[k] + step.gain[2] * e;
       p[k] += step.gain[0] * e + after * step.to_next.dt + slow * step.to_next.slow_to_p + track.dp[i];
       v[k] = after + slow * step.to_next.slow_to_v + track.dv[i];
       d[k] = slow * step.to_next.slow_decay;
-      b[k] += step.gain[3] * e;
-      c[k] += step.gain[4] * e;
+      r[k] = (r[k] + step.gain[3] * e) * step.to_next.rough_decay;
+      b[k] += step.gain[4] * e;
+      c[k] += step.gain[5] * e;
       step.to_next.distort(b[k], c[k]);
     }
   }
@@ -170,7 +174,7 @@ void Whitener::filter(const double* measured, const double* dv, const double* dp
 
 std::size_t Whitener::step_response(std::size_t at, std::size_t count, double* innovations) const {
   const std::size_t end = std::min(step_.size(), at + 1 + count);
-  double p = 0.0, v = 1.0, d = 0.0, b = 0.0, c = 0.0;
+  double p = 0.0, v = 1.0, d = 0.0, r = 0.0, b = 0.0, c = 0.0;
   std::size_t written = 0;
   for (std::size_t i = at + 1; i < end; ++i) {
     // The change happens half-way between the frames; from then on it is what whiten() does with measurements
@@ -179,15 +183,17 @@ std::size_t Whitener::step_response(std::size_t at, std::size_t count, double* i
     p += v * before.dt * (i == at + 1 ? 0.5 : 1.0) + d * before.slow_to_p;
     v += d * before.slow_to_v;
     d *= before.slow_decay;
+    r *= before.rough_decay;
     before.distort(b, c);
     const Step& step = step_[i];
-    const double e = -p - b;
+    const double e = -p - r - b;
     innovations[written++] = e * step.inverse_deviation;
     p += step.gain[0] * e;
     v += step.gain[1] * e;
     d += step.gain[2] * e;
-    b += step.gain[3] * e;
-    c += step.gain[4] * e;
+    r += step.gain[3] * e;
+    b += step.gain[4] * e;
+    c += step.gain[5] * e;
   }
   return written;
 }

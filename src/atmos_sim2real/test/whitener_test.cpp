@@ -10,7 +10,7 @@ namespace {
 struct Track {
   std::vector<double> times, scatter, zero;
   std::vector<Travel> travel;
-  explicit Track(std::size_t n) : scatter(n, 1e-4), zero(n, 0.0), travel(n, {2e-3, 1.0}) {
+  explicit Track(std::size_t n) : scatter(n, 1e-4), zero(n, 0.0), travel(n, {2e-3, 2e-3, 1.0}) {
     double t = 1234.5;
     for (std::size_t i = 0; i < n; ++i) {
       times.push_back(t);
@@ -25,6 +25,7 @@ NoiseModel noise() {
   model.mocap = {1e-4, 1e-4, 4e-4};
   model.slow = {4e-4, 4e-4, 4e-3};
   model.slow_time_s = 3.0;
+  model.rough = {1e-4, 1e-4, 2e-4};
   model.distortion = {2e-4, 2e-4, 3e-4};
   return model;
 }
@@ -33,11 +34,11 @@ NoiseModel noise() {
 std::vector<double> draw(const Track& track, const NoiseModel& model, Axis axis, std::uint32_t seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
-  double p = 0.3, v = 0.02, d = model.slow[axis] * normal(random),
+  double p = 0.3, v = 0.02, d = model.slow[axis] * normal(random), r = model.rough[axis] * normal(random),
          b = model.distortion[axis] * normal(random), slope = model.distortion[axis] * normal(random);
   std::vector<double> measured;
   for (std::size_t i = 0; i < track.times.size(); ++i) {
-    measured.push_back(p + b + model.mocap[axis] * normal(random));
+    measured.push_back(p + r + b + model.mocap[axis] * normal(random));
     if (i + 1 == track.times.size()) break;
     const double dt = track.times[i + 1] - track.times[i];
     const double decay = std::exp(-dt / model.slow_time_s);
@@ -49,6 +50,8 @@ std::vector<double> draw(const Track& track, const NoiseModel& model, Axis axis,
     v += to_v * d + kick * a;
     d = decay * d + model.slow[axis] * std::sqrt(1.0 - decay * decay) * normal(random);
     const Transition to(model, dt, track.travel[i]);
+    r = to.rough_decay * r +
+        model.rough[axis] * std::sqrt(1.0 - to.rough_decay * to.rough_decay) * normal(random);
     to.distort(b, slope);
     const double new_b = normal(random), along = to.new_bc / std::sqrt(to.new_bb);
     b += model.distortion[axis] * std::sqrt(to.new_bb) * new_b;
@@ -84,17 +87,17 @@ TEST(Whitener, DistortionIsAFunctionOfThePlace) {
   const NoiseModel model = noise();
   for (const double step : {1e-4, 3e-3, 0.2}) {
     double b = 1.0, slope = 0.0;
-    Transition(model, 0.01, {step, 1.0}).distort(b, slope);
+    Transition(model, 0.01, {step, step, 1.0}).distort(b, slope);
     const double x = std::sqrt(3.0) * step / model.distortion_length_m;
     EXPECT_NEAR(b, (1.0 + x) * std::exp(-x), 1e-12);
     // Stationary: what is kept and what is new make the variance that was.
-    const Transition to(model, 0.01, {step, 0.4});
+    const Transition to(model, 0.01, {step, step, 0.4});
     EXPECT_NEAR(to.b_from_b * to.b_from_b + to.b_from_c * to.b_from_c + to.new_bb, 1.0, 1e-9);
     EXPECT_NEAR(to.c_from_b * to.c_from_b + to.c_from_c * to.c_from_c + to.new_cc, 1.0, 1e-9);
     EXPECT_NEAR(to.b_from_b * to.c_from_b + to.b_from_c * to.c_from_c + to.new_bc, 0.0, 1e-9);
   }
   double b = 0.2, slope = 0.8;
-  for (const double turn : {-1.0, 1.0}) Transition(model, 0.01, {1e-3, turn}).distort(b, slope);
+  for (const double turn : {-1.0, 1.0}) Transition(model, 0.01, {1e-3, 1e-3, turn}).distort(b, slope);
   EXPECT_NEAR(b, 0.2, 1e-4);
 }
 
