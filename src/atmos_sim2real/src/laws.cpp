@@ -101,6 +101,7 @@ Hypothesis attraction(const Box& floor) {
            {"k", "N/m", 0.2},
            {"p", "1", 2.0, 2.5, 1.0},
            {"s", "m", 0.5, 0.5, 0.1}});
+  hypothesis.sure_of_a_fit = true;
   Unmodelled effect = std::get<Unmodelled>(hypothesis.starts.front().effect);
   hypothesis.starts.clear();
   const double step_x = std::max(0.4, (x1 - x0) / 6.0), step_y = std::max(0.4, (y1 - y0) / 6.0);
@@ -137,7 +138,7 @@ Hypothesis wandering(const std::string& name, double duration_s, double spacing,
     }
   }
   Hypothesis hypothesis = law(name, formulas[0], formulas[1], formulas[2], coefficients);
-  hypothesis.map = true;
+  hypothesis.map = hypothesis.sure_of_a_fit = true;
   for (FreeParameter& bell : hypothesis.free) bell.linear = true;
   return hypothesis;
 }

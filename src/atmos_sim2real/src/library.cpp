@@ -60,7 +60,7 @@ Hypothesis map_hypothesis(Effect map, const Lattice& lattice, const Field& field
   lay_out(map, lattice);
   Hypothesis hypothesis;
   hypothesis.kind = kind_of(map);
-  hypothesis.map = true;
+  hypothesis.map = hypothesis.sure_of_a_fit = true;
   hypothesis.free = free_nodes(map, 0, field);
   hypothesis.starts.push_back({map, components_of(map)});
   return hypothesis;

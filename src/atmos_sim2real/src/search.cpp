@@ -230,7 +230,7 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
   }
 }
 
-// The best starts of the best hypotheses, and every map that is not hopeless.
+// The best starts of the best hypotheses, and of those that are sure of a fit if they are not hopeless.
 std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
   std::vector<Screened> chosen;
   std::map<const Hypothesis*, std::size_t> taken;
@@ -238,12 +238,13 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
   for (const Screened& candidate : scored) {
     std::size_t& starts = taken[candidate.hypothesis];
     const bool map = candidate.hypothesis->map;
-    if (starts == 0 ? (kinds >= most && !map) : starts >= 2) continue;
+    const bool sure = candidate.hypothesis->sure_of_a_fit;
+    if (starts == 0 ? (kinds >= most && !sure) : starts >= 2) continue;
     // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
     // than a map of nothing would (three standard deviations of half a chi-square).
     if (map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance) : candidate.score < 0.0)
       continue;
-    if (starts == 0 && !map) ++kinds;
+    if (starts == 0 && !sure) ++kinds;
     ++starts;
     chosen.push_back(candidate);
   }

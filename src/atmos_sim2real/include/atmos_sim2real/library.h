@@ -23,9 +23,10 @@ struct Hypothesis {
   std::vector<Start> starts;
   std::vector<FreeParameter> free;  // `effect` index to be filled in by the user
   double penalty = 0.0;  // nats for the choices that no prior width expresses: which thruster, which event
-  bool map = false;      // many coefficients: screens badly, always deserves a fit
-  double onsets = 0.0;   // seconds of flight in which it may begin; 0: it is there all the time
-  bool local = false;    // an event, a phase or a place: data that its fit has not seen may not know of it
+  bool map = false;      // many coefficients
+  bool sure_of_a_fit = false;  // screens badly, as maps do, or as what its starts lie far from
+  double onsets = 0.0;         // seconds of flight in which it may begin; 0: it is there all the time
+  bool local = false;  // an event, a phase or a place: data that its fit has not seen may not know of it
 };
 
 // Whether both are about the same thing: the same kind of the same thruster, or the same law.
