@@ -109,6 +109,12 @@ class Scoring(unittest.TestCase):
         self.assertAlmostEqual(scored(tilt, report(), errors)["gain_ratio"], 0.8)
         self.assertNotIn("gain_ratio", scored(tilt, report(), dict(errors, oracle=0.095)))
 
+    def test_a_rough_place_that_nobody_touched_did_nothing(self):
+        patch = {"kind": "friction_patch", "parameters": {"center_x_m": 1.0, "center_y_m": 0.0, "radius_m": 0.3}}
+        self.assertTrue(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]))
+        self.assertFalse(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.5, "y": 0.0}]))
+        self.assertTrue(scoring.acts({"kind": "floor_tilt", "parameters": {}}, []))
+
     def test_multiples_of_the_stated_size(self):
         stated = {"mass_error": {"parameter": "factor", "value": 0.02}}
         effect = {"kind": "mass_error", "parameters": {"factor": 0.9}}

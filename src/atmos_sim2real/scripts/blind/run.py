@@ -170,8 +170,9 @@ class Runner:
                 "oracle": os.path.join(folder, "oracle.yaml")}) if truth["effects"] else None
             result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START)
             if "twin" in result:
+                effect, shown = truth["effects"][0], scoring.read_table(os.path.join(folder, "shown_a.csv"))
                 result["score"]["multiple"] = scoring.stated_multiple(
-                    truth["effects"][0], result["twin"]["stated"], truth["duration_s"])
+                    effect, result["twin"]["stated"], truth["duration_s"]) if scoring.acts(effect, shown) else 0.0
             result.update(wall_s=wall, cpu_s=cpu, memory_mib=memory)
             if self.options.baselines:
                 result["baselines"] = {name: self.baseline(folder, name, truth, errors) for name in BASELINES}

@@ -24,6 +24,7 @@ SIZES = {"floor_tilt": ["slope_x"], "tether": ["stiffness_n_m"], "floor_vibratio
 # Documented sets that pose and command cannot separate: the tool may claim any of a set (docs/effects.md).
 SAME = ({"command_delay", "mocap_latency"},)
 THRUSTER_KINDS = ("thruster_efficiency", "thruster_dead", "thruster_leak", "thruster_misalignment")
+BEARING_M = 0.15  # from the geometric centre (docs/effects.md)
 VISIBLE = 2.0  # times the stated smallest size: from there on an effect counts as missed
 YAW_ARM = 0.15  # m: turns an error of yaw into one of position, at a bearing
 
@@ -102,6 +103,15 @@ def stated_multiple(effect, stated_sizes, duration):
     if not stated or not stated["value"]:
         return None
     return size_in_stated_terms(effect, stated["parameter"], hidden.FIRST_START + duration) / abs(stated["value"])
+
+
+def acts(effect, shown):
+    """Whether an effect did anything in a flight: a rough place that no bearing touched did not. `shown`: rows with x and y."""
+    if effect["kind"] != "friction_patch":
+        return True
+    patch = effect["parameters"]
+    reach = patch["radius_m"] + BEARING_M
+    return any(math.hypot(row["x"] - patch["center_x_m"], row["y"] - patch["center_y_m"]) < reach for row in shown)
 
 
 def score_null(report):
