@@ -184,6 +184,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
     start.time_constant_s = tau;
     rise.starts.push_back({start, {}});
   }
+  rise.penalty = std::log(2.0);  // the delay that it resembles may be one of commands or of poses
   rise.free = {free_scalar("time_constant_s", 0.0, 0.03, 5e-4)};
   all.push_back(rise);
 
