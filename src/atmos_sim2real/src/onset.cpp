@@ -7,11 +7,12 @@ namespace atmos {
 
 namespace {
 
-constexpr double kReach = 1.5;  // s around the present onset: the screen tries every second
+constexpr double kReach = 1.5;  // s around the present stretch: the screen tries every second
 
 // A stretch in which an onset makes the same motion, wherever in it; or a pulse, cut short.
 struct Stretch {
   double begin_s, end_s;
+  bool pulse = false;
   double middle() const { return 0.5 * (begin_s + end_s); }
 };
 
@@ -24,14 +25,20 @@ std::vector<Stretch> stretches_near(const std::vector<Flight>& flights, std::siz
       const double on = std::abs(command.duty[valve]) * command.period_s;
       if (on <= 0.0) continue;
       if (command.stamp_s > shut) found.push_back({shut, command.stamp_s});
-      found.push_back({command.stamp_s, command.stamp_s + on});
+      found.push_back({command.stamp_s, command.stamp_s + on, true});
       shut = command.stamp_s + on;
     }
     if (flight.times().back() > shut) found.push_back({shut, flight.times().back()});
   }
+  // From the ends of the present stretch: a valve may have rested for long.
+  Stretch present{since_s, since_s};
+  for (const Stretch& stretch : found) {
+    if (stretch.begin_s <= since_s && since_s <= stretch.end_s) present = stretch;
+  }
   found.erase(std::remove_if(found.begin(), found.end(),
                              [&](const Stretch& stretch) {
-                               return stretch.end_s < since_s - kReach || stretch.begin_s > since_s + kReach;
+                               return stretch.end_s < present.begin_s - kReach ||
+                                      stretch.begin_s > present.end_s + kReach;
                              }),
               found.end());
   return found;
@@ -67,15 +74,25 @@ bool has_onset(const Fit& fit, std::size_t effect) {
 Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
   if (!has_onset(fit, effect)) return fit;
   constexpr int kMostWays = 20;
+  double& since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
+  Weighed best{{since, since}, 0.0};
   for (int way = 0; way < kMostWays; ++way) {
     const std::vector<Weighed> weighed = weigh(problem, fit, effect);
     if (weighed.empty()) break;
-    const Weighed& best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
+    best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
       return a.log_likelihood < b.log_likelihood;
     });
-    double& since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
     if (since == best.stretch.middle()) break;
     since = best.stretch.middle();
+  }
+  if (best.stretch.pulse) {  // where it was cut short
+    for (const double share : {0.1, 0.3, 0.7, 0.9}) {
+      const double cut_s = best.stretch.begin_s + share * (best.stretch.end_s - best.stretch.begin_s);
+      const double log_likelihood = likelihood_at(problem, fit, effect, cut_s);
+      if (log_likelihood <= best.log_likelihood) continue;
+      best.log_likelihood = log_likelihood;
+      since = cut_s;
+    }
   }
   return evaluate(problem, std::move(fit.effects), std::move(fit.free), fit.noise);
 }

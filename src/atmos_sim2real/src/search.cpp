@@ -480,6 +480,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
   constexpr int kDraws = 60;
   std::vector<Claim> refused;  // had their turn
+  bool dropped = false;        // what stays was named beside something else
   std::vector<Hypothesis> open;
   std::optional<NoiseAlone> alone;
   std::optional<Screening> screening;
@@ -561,6 +562,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
       const bool newest_goes =
           as_before.evidence - choices_of(claims[i].hypothesis) > reduced.evidence - choices_of(newest);
       options.progress("dropped " + label(newest_goes ? newest : claims[i].hypothesis));
+      dropped = true;
       if (newest_goes) {
         refused.push_back(std::move(claims.back()));
         claims.pop_back();
@@ -573,7 +575,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   }
 
   std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
-  if (claims.size() > 1 && reconsider(problem, current, claims, *screening, without_each, looseness, options))
+  const bool late_names = claims.size() > 1 || (dropped && !claims.empty());
+  if (late_names && reconsider(problem, current, claims, *screening, without_each, looseness, options))
     without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);

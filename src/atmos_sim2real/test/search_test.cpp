@@ -19,8 +19,9 @@ struct Flown {
   Flown(const std::vector<Effect>& truth, double duration_s, std::uint32_t seed) {
     flights.emplace_back(fly(vehicle, truth, pulse_commands(kStart, duration_s, seed), seed + 1).recording);
   }
-  Flown(const std::vector<ThrusterCommand>& commands, std::uint32_t seed) {
-    flights.emplace_back(fly(vehicle, {}, commands, seed).recording);
+  Flown(const std::vector<ThrusterCommand>& commands, std::uint32_t seed,
+        const std::vector<Effect>& truth = {}) {
+    flights.emplace_back(fly(vehicle, truth, commands, seed).recording);
   }
   Flown(const Flown&) = delete;
 
@@ -127,6 +128,19 @@ TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
   }
   flown.flights.front() = Flight(distorted);
   EXPECT_EQ(named_by(flown), std::vector<std::string>());
+}
+
+TEST(Search, AThrusterDiesInThePulseAfterALongRest) {
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 60.0, 2);
+  for (int k = 270; k < 330; ++k) commands[static_cast<std::size_t>(k)].duty[4] = 0.0;
+  commands[330].duty[4] = 1.0;
+  const double since_s = kStart + 33.06;
+  Flown flown(commands, 3, {ThrusterDead{{}, 5, since_s}});
+  const SearchResult found = search(flown.problem, hypotheses(flown.vehicle, flown.flights), SearchOptions());
+  ASSERT_EQ(found.claims.size(), 1u);
+  const auto* dead = std::get_if<ThrusterDead>(&found.final.effects.front());
+  ASSERT_NE(dead, nullptr);
+  EXPECT_NEAR(dead->since_s, since_s, 0.03);
 }
 
 TEST(Search, NamesALawThatNoTwoKnownEffectsExplain) {
