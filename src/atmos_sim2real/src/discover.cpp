@@ -179,7 +179,6 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
     if (turning) found.push_back(swinging_torque(*turning));
     const auto line = strongest_line(flight, fit.innovations[f], kX, kY, least_gain);
     if (!line) continue;
-    found.push_back(circling_force(*line));
 
     FloorVibration vibration;
     vibration.frequency_hz = line->frequency_hz;
@@ -195,6 +194,8 @@ std::vector<Hypothesis> find_oscillations(const Problem& problem, const Fit& fit
     Eigen::Matrix2d swing;  // rows: x, y; columns: sine, cosine
     swing << a[0], a[1], a[2], a[3];
     const Eigen::JacobiSVD<Eigen::Matrix2d> svd(swing, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    constexpr double kRound = 0.2;  // width over length of an ellipse that is no line
+    if (svd.singularValues()[1] > kRound * svd.singularValues()[0]) found.push_back(circling_force(*line));
     vibration.amplitude_n = svd.singularValues()[0];
     vibration.direction_rad = std::atan2(svd.matrixU()(1, 0), svd.matrixU()(0, 0));
     vibration.phase_rad = std::atan2(svd.matrixV()(1, 0), svd.matrixV()(0, 0));

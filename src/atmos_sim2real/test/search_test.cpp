@@ -130,6 +130,21 @@ TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
   EXPECT_EQ(named_by(flown), std::vector<std::string>());
 }
 
+TEST(Search, AForceThatGoesRoundIsNoVibrationAlongALine) {
+  Unmodelled round;
+  round.force_x_n = "a*cos(9*t)";
+  round.force_y_n = "a*sin(9*t)";
+  round.coefficients = {{"a", {0.2, "N"}}};
+  Flown circling({round}, 60.0, 2);
+  EXPECT_EQ(named_by(circling), (std::vector<std::string>{"unmodelled"}));
+  FloorVibration along;
+  along.amplitude_n = 0.2;
+  along.frequency_hz = 1.4;
+  along.direction_rad = 0.7;
+  Flown swinging({along}, 60.0, 2);
+  EXPECT_EQ(named_by(swinging), (std::vector<std::string>{"floor_vibration"}));
+}
+
 TEST(Search, AThrusterDiesInThePulseAfterALongRest) {
   std::vector<ThrusterCommand> commands = pulse_commands(kStart, 60.0, 2);
   for (int k = 270; k < 330; ++k) commands[static_cast<std::size_t>(k)].duty[4] = 0.0;
