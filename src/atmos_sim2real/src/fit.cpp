@@ -499,7 +499,8 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
     for (Eigen::Index begin = 0; begin < frames; begin += kBlock) {
       const Eigen::Index size = std::min(kBlock, frames - begin);
       Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
-      Eigen::MatrixXd rest = H;
+      Eigen::MatrixXd rest;
+      if (n <= kMany) rest = H;
       for (int axis = 0; axis < kAxes; ++axis) {
         const auto rows = J[f].middleRows(axis * frames + begin, size);
         score += rows.transpose() * current.innovations[f].segment(axis * frames + begin, size);

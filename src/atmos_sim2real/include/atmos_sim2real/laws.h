@@ -8,8 +8,8 @@
 
 namespace atmos {
 
-// One hypothesis of kind `unmodelled` per law; each is linear in its coefficients, but for places, lengths
-// and frequencies.
+// One hypothesis of kind `unmodelled` per law; each is linear in its coefficients, but for places, lengths,
+// times, exponents and frequencies.
 std::vector<Hypothesis> laws(const Vehicle& vehicle, const std::vector<Flight>& flights);
 
 // A frequency that stands out of the innovations of a flight.
