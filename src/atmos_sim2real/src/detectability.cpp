@@ -57,6 +57,16 @@ Size size_of(const Effect& effect, double flown_s) {
   return {"since_s", flown_s};
 }
 
+// Seconds of flight in which a thruster fires once, on average: a valve that was dead for less lost nothing.
+double seconds_per_pulse(const std::vector<Flight>& flights, int thruster, double flown_s) {
+  double pulses = 0.0;
+  for (const Flight& flight : flights) {
+    for (const ThrusterCommand& command : flight.recording().commands)
+      pulses += command.duty[static_cast<std::size_t>(thruster) - 1] > 0.0;
+  }
+  return flown_s / pulses;
+}
+
 // One of a hypothesis' starts to ask by: of patches one where the robot was, else the middle one, of those
 // that measure a size linearly if there are such.
 Start typical_start(const Hypothesis& hypothesis, const std::vector<Flight>& flights) {
@@ -129,9 +139,11 @@ std::map<std::string, Detectable> smallest_detectable(const Problem& problem, co
         nats += kNatsPerNumber * static_cast<double>(hypothesis.free.size() - priced);
       if (screened.start.linear.empty()) {
         const Size size = size_of(screened.start.effect, flown);
-        // A dead valve's evidence grows with time, the others' with the square of their size.
         const double share = nats / std::max(screened.presence, 1e-9);
-        offer(kind, size.parameter, size.value * (kind == ThrusterDead::kKind ? share : std::sqrt(share)));
+        // A dead valve's evidence grows with time, the others' with the square of their size.
+        const bool dead = kind == ThrusterDead::kKind;
+        const double least = dead ? seconds_per_pulse(*problem.flights, hypothesis.thruster, flown) : 0.0;
+        offer(kind, size.parameter, std::max(least, size.value * (dead ? share : std::sqrt(share))));
       } else {
         for (Eigen::Index p = 0; p < screened.deviation.size(); ++p) {
           const double deviation = screened.deviation[p];

@@ -6,8 +6,8 @@ namespace atmos {
 
 namespace {
 
-constexpr double kWidestStep = 0.16, kFinestStep = 0.03;  // m
-constexpr double kBetter = 1.0;                           // nats
+constexpr double kWidestStep = 0.16, kFinestStep = 0.003;  // m
+constexpr double kBetter = 1.0;                            // nats
 constexpr int kMostRounds = 16;
 constexpr int kNeighbours = 27;  // in center and radius, itself among them
 

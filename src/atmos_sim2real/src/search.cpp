@@ -408,6 +408,40 @@ std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const
   return fits;
 }
 
+// What came earlier must still be needed beside what came later, or else the worse of the two goes; where
+// that is the newest, it has had its turn. Whether any went.
+bool drop_needless(const Problem& problem, Fit& current, std::vector<Claim>& claims,
+                   std::vector<Claim>& refused, double looseness, const SearchOptions& options) {
+  bool dropped = false;
+  for (std::size_t i = 0; i + 1 < claims.size();) {
+    if (plainly_there(current, i)) {
+      ++i;
+      continue;
+    }
+    Fit reduced = without(problem, current, i);
+    const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
+    if (worth >= options.needed(claims[i].hypothesis)) {
+      ++i;
+      continue;
+    }
+    const Hypothesis& newest = claims.back().hypothesis;
+    Fit as_before = without(problem, current, claims.size() - 1);
+    const bool newest_goes =
+        as_before.evidence - choices_of(claims[i].hypothesis) > reduced.evidence - choices_of(newest);
+    options.progress("dropped " + label(newest_goes ? newest : claims[i].hypothesis));
+    dropped = true;
+    if (newest_goes) {
+      refused.push_back(std::move(claims.back()));
+      claims.pop_back();
+      current = settled(problem, std::move(as_before), looseness);
+    } else {
+      current = std::move(reduced);
+      claims.erase(claims.begin() + static_cast<long>(i));
+    }
+  }
+  return dropped;
+}
+
 // An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
 // of each in its place, beside all others. `screening`: of the final model. `without_each`: that model
 // without each effect. Whether one was replaced.
@@ -544,40 +578,15 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     looseness = 4.0;
     current = settled(problem, std::move(current), looseness);
 
-    // What came earlier must still be needed beside what came later.
-    for (std::size_t i = 0; i + 1 < claims.size();) {
-      if (plainly_there(current, i)) {
-        ++i;
-        continue;
-      }
-      const Fit reduced = without(problem, current, i);
-      const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
-      if (worth >= options.needed(claims[i].hypothesis)) {
-        ++i;
-        continue;
-      }
-      // Of two that stand for the same the better one stays.
-      const Hypothesis& newest = claims.back().hypothesis;
-      Fit as_before = without(problem, current, claims.size() - 1);
-      const bool newest_goes =
-          as_before.evidence - choices_of(claims[i].hypothesis) > reduced.evidence - choices_of(newest);
-      options.progress("dropped " + label(newest_goes ? newest : claims[i].hypothesis));
-      dropped = true;
-      if (newest_goes) {
-        refused.push_back(std::move(claims.back()));
-        claims.pop_back();
-        current = settled(problem, std::move(as_before), looseness);
-      } else {
-        current = reduced;
-        claims.erase(claims.begin() + static_cast<long>(i));
-      }
-    }
+    dropped |= drop_needless(problem, current, claims, refused, looseness, options);
   }
 
   std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
   const bool late_names = claims.size() > 1 || (dropped && !claims.empty());
-  if (late_names && reconsider(problem, current, claims, *screening, without_each, looseness, options))
+  if (late_names && reconsider(problem, current, claims, *screening, without_each, looseness, options)) {
+    drop_needless(problem, current, claims, refused, looseness, options);
     without_each = leave_one_out(problem, current, result.nominal);
+  }
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);
     claims[i].gain = current.log_likelihood - without_each[i].log_likelihood;

@@ -2,6 +2,7 @@
 """The blind benchmark's own arithmetic, on truths and reports written by hand; and that everything it draws can be flown.
 Usage: blind_test.py SCRIPTS ATMOS_SIM_FLIGHT VEHICLE"""
 import json
+import math
 import os
 import random
 import subprocess
@@ -133,6 +134,9 @@ class Scoring(unittest.TestCase):
                 for w in (1.0, 3.0) for k in (1, 2)]
         expected = (0.02 ** 2 + (0.15 * 0.04) ** 2) ** 0.5
         self.assertAlmostEqual(scoring.prediction_error(rows, shown), expected)
+        for away in (1e200, math.inf, math.nan):
+            ran_away = [dict(row, x=away) for row in rows]
+            self.assertGreaterEqual(scoring.prediction_error(ran_away, shown), 1e199)
 
     def test_rows_and_table_sum_up(self):
         good = scored(truth("single", ("mass_error", {"factor": 1.1})), report(claim("mass_error", factor=(1.1, 0.01))))

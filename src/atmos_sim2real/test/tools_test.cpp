@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -141,6 +142,24 @@ TEST_F(Tools, PredictWritesItsTable) {
   int rows = 1;
   while (std::getline(file, line)) ++rows;
   EXPECT_EQ(rows, 100);  // two windows of 12 s
+}
+
+TEST_F(Tools, PredictWritesWholeRowsOfAModelThatRunsAway) {
+  const std::string model = (folder_ / "model.yaml").string();
+  std::ofstream(model) << "effects: [{kind: unmodelled, parameters: {force_x_n: 1e5 * (x + 1), force_y_n: 0, "
+                          "torque_n_m: 0, coefficients: {}}}]\n";
+  const Outcome outcome = predict("--horizon 5 --model " + model + " " + bag("good"));
+  ASSERT_EQ(outcome.code, 0) << outcome.text;
+  std::ifstream file(folder_ / "p.csv");
+  std::string line;
+  std::size_t longest = 0;
+  int rows = 0;
+  for (; std::getline(file, line); ++rows) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 4) << line;
+    longest = std::max(longest, line.size());
+  }
+  EXPECT_EQ(rows, 101);
+  EXPECT_GT(longest, 60u);  // it did run away
 }
 
 }  // namespace

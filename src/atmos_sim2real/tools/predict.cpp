@@ -13,8 +13,8 @@ std::string table(const std::vector<PredictedPose>& rows) {
   std::string text = "window_start,stamp,x,y,yaw\n";
   char line[160];
   for (const PredictedPose& row : rows) {
-    std::snprintf(line, sizeof(line), "%.9f,%.9f,%.9f,%.9f,%.9f\n", row.window_start_s, row.stamp_s, row.x_m,
-                  row.y_m, row.yaw_rad);
+    std::snprintf(line, sizeof(line), "%.9f,%.9f,%.12g,%.12g,%.12g\n", row.window_start_s, row.stamp_s,
+                  row.x_m, row.y_m, row.yaw_rad);
     text += line;
   }
   return text;

@@ -140,17 +140,19 @@ def interpolated(table, stamp, low=0):
 
 
 def prediction_error(predicted, shown):
-    """Root mean square at the windows' ends, yaw counted at a bearing's distance [m]."""
-    squares = []
+    """Root mean square at the windows' ends, yaw counted at a bearing's distance [m]; infinite where a model runs away."""
+    errors = []
     for row, after in zip(predicted, predicted[1:] + [None]):
         if after is not None and after["window_start"] == row["window_start"]:
             continue
         at = interpolated(shown, row["stamp"])
         if at is None:
             continue
+        if not all(math.isfinite(row[k]) for k in ("x", "y", "yaw")):
+            return math.inf
         turn = math.remainder(row["yaw"] - at[2], 2 * math.pi)
-        squares.append((row["x"] - at[0]) ** 2 + (row["y"] - at[1]) ** 2 + (YAW_ARM * turn) ** 2)
-    return math.sqrt(statistics.fmean(squares)) if squares else None
+        errors.append(math.hypot(row["x"] - at[0], row["y"] - at[1], YAW_ARM * turn))
+    return math.hypot(*errors) / math.sqrt(len(errors)) if errors else None
 
 
 def score(truth, report, errors, flight_start):
