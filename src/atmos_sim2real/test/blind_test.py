@@ -34,7 +34,7 @@ def truth(family, *effects, accepted=()):
 
 
 def scored(a_truth, a_report, errors=None):
-    return scoring.score(a_truth, a_report, errors, START)
+    return scoring.score(a_truth, a_report, errors, START, shown=())
 
 
 class Scoring(unittest.TestCase):
@@ -115,18 +115,22 @@ class Scoring(unittest.TestCase):
         self.assertTrue(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]))
         self.assertFalse(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.5, "y": 0.0}]))
         self.assertTrue(scoring.acts({"kind": "floor_tilt", "parameters": {}}, []))
+        stated = {"friction_patch": {"parameter": "coefficient", "value": 1e-4}}
+        patch["parameters"]["coefficient"] = 1e-3
+        self.assertAlmostEqual(scoring.stated_multiple(patch, stated, 60.0, [{"x": 0.6, "y": 0.0}]), 10.0)
+        self.assertEqual(scoring.stated_multiple(patch, stated, 60.0, [{"x": 0.5, "y": 0.0}]), 0.0)
 
     def test_multiples_of_the_stated_size(self):
         stated = {"mass_error": {"parameter": "factor", "value": 0.02}}
         effect = {"kind": "mass_error", "parameters": {"factor": 0.9}}
-        self.assertAlmostEqual(scoring.stated_multiple(effect, stated, 60.0), 5.0)
-        self.assertIsNone(scoring.stated_multiple({"kind": "slosh", "parameters": {}}, stated, 60.0))
+        self.assertAlmostEqual(scoring.stated_multiple(effect, stated, 60.0, []), 5.0)
+        self.assertIsNone(scoring.stated_multiple({"kind": "slosh", "parameters": {}}, stated, 60.0, []))
         dead = {"kind": "thruster_dead", "parameters": {"thruster": 3, "since_s": hidden.FIRST_START + 40.0}}
         self.assertAlmostEqual(
-            scoring.stated_multiple(dead, {"thruster_dead": {"parameter": "since_s", "value": 5.0}}, 60.0), 4.0)
+            scoring.stated_multiple(dead, {"thruster_dead": {"parameter": "since_s", "value": 5.0}}, 60.0, []), 4.0)
         floor = {"kind": "floor_unevenness", "parameters": {"height_m": [[1e-3, -1e-3], [1e-3, -1e-3]]}}
         self.assertAlmostEqual(
-            scoring.stated_multiple(floor, {"floor_unevenness": {"parameter": "height_m", "value": 5e-4}}, 60.0), 2.0)
+            scoring.stated_multiple(floor, {"floor_unevenness": {"parameter": "height_m", "value": 5e-4}}, 60.0, []), 2.0)
 
     def test_prediction_error_is_that_of_the_windows_ends(self):
         shown = [{"stamp": 0.1 * i, "x": 1.0, "y": 2.0, "yaw": 0.0} for i in range(100)]

@@ -130,7 +130,7 @@ class Runner:
             os.remove(table)
         return errors
 
-    def baseline(self, folder, name, truth, errors):
+    def baseline(self, folder, name, truth, errors, shown):
         """Score of a baseline on the same bag; one that fails claims nothing and predicts as the nominal model."""
         apart = os.path.join(folder, f"baseline_{name}")
         os.makedirs(apart)
@@ -150,7 +150,7 @@ class Runner:
                     fitted = self.predictions(folder, truth, {"fitted": os.path.join(apart, "model.yaml")})["fitted"]
         except Failure as failure:
             progress(f"baseline {name}: {failure}")
-        return scoring.score(truth, report, errors and dict(errors, fitted=fitted), hidden.FIRST_START)
+        return scoring.score(truth, report, errors and dict(errors, fitted=fitted), hidden.FIRST_START, shown)
 
     def run(self, family, index):
         """One run from the draw to the score; what cannot be scored is a result with `failure`."""
@@ -168,14 +168,14 @@ class Runner:
             errors = self.predictions(folder, truth, {
                 "nominal": None, "fitted": os.path.join(folder, "diagnosis_a", "model.yaml"),
                 "oracle": os.path.join(folder, "oracle.yaml")}) if truth["effects"] else None
-            result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START)
+            shown = scoring.read_table(os.path.join(folder, "shown_a.csv"))
+            result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START, shown)
             if "twin" in result:
-                effect, shown = truth["effects"][0], scoring.read_table(os.path.join(folder, "shown_a.csv"))
                 result["score"]["multiple"] = scoring.stated_multiple(
-                    effect, result["twin"]["stated"], truth["duration_s"]) if scoring.acts(effect, shown) else 0.0
+                    truth["effects"][0], result["twin"]["stated"], truth["duration_s"], shown)
             result.update(wall_s=wall, cpu_s=cpu, memory_mib=memory)
             if self.options.baselines:
-                result["baselines"] = {name: self.baseline(folder, name, truth, errors) for name in BASELINES}
+                result["baselines"] = {name: self.baseline(folder, name, truth, errors, shown) for name in BASELINES}
         except Failure as failure:
             result["failure"] = str(failure)
         with open(os.path.join(folder, "result.json"), "w") as file:

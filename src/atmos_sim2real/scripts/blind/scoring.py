@@ -97,16 +97,19 @@ def size_in_stated_terms(effect, parameter, flight_end):
     return math.sqrt(sum((true[n] - neutral) ** 2 for n in VECTORS.get(kind) or (parameter,)))
 
 
-def stated_multiple(effect, stated_sizes, duration):
-    """Size of an effect in multiples of what a report states as the smallest detectable; None where it states none."""
+def stated_multiple(effect, stated_sizes, duration, shown):
+    """Size of an effect in multiples of what a report states as the smallest detectable; None where it states none. `shown`: rows
+    with x and y of the flight; what did nothing there has size 0."""
     stated = stated_sizes.get(effect["kind"])
     if not stated or not stated["value"]:
         return None
+    if not acts(effect, shown):
+        return 0.0
     return size_in_stated_terms(effect, stated["parameter"], hidden.FIRST_START + duration) / abs(stated["value"])
 
 
 def acts(effect, shown):
-    """Whether an effect did anything in a flight: a rough place that no bearing touched did not. `shown`: rows with x and y."""
+    """Whether an effect did anything in a flight: a rough place that no bearing touched did not."""
     if effect["kind"] != "friction_patch":
         return True
     patch = effect["parameters"]
@@ -155,8 +158,9 @@ def prediction_error(predicted, shown):
     return math.hypot(*errors) / math.sqrt(len(errors)) if errors else None
 
 
-def score(truth, report, errors, flight_start):
-    """All that is counted of one run. `errors`: prediction errors on the second flight of nominal, fitted, oracle."""
+def score(truth, report, errors, flight_start, shown):
+    """All that is counted of one run. `errors`: prediction errors on the second flight of nominal, fitted, oracle; `shown`: rows
+    with x and y of the diagnosed flight."""
     claims = claims_of(report)
     real = [c for c in claims if c["kind"] != "unmodelled"]
     result = {"verdict": report["verdict"], "p_value": report["mismatch"]["p_value"],
@@ -175,7 +179,7 @@ def score(truth, report, errors, flight_start):
         unnamed = [e for e in effects if not any(matches(c, e) for c in claims)]
         result["all_named"] = not unnamed
         stated = report["mismatch"]["smallest_detectable"]
-        multiples = [stated_multiple(e, stated, truth["duration_s"]) for e in unnamed] if stated else []
+        multiples = [stated_multiple(e, stated, truth["duration_s"], shown) for e in unnamed] if stated else []
         result["invisible"] = [e["kind"] for e, size in zip(unnamed, multiples) if size is not None and size < VISIBLE]
         result["extra"] = [c["kind"] for c in claims if not any(matches(c, e) for e in effects)]
         thruster, onset, parameters = [], [], []
