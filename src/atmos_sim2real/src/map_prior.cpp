@@ -41,12 +41,19 @@ std::vector<double> deviations_of(const Effect& map) {
   return {0.01, 0.025, 0.06, 0.15};
 }
 
-NodePrior hills(const NodeLikelihood& likelihood, const Lattice& lattice) {
+// Hills on a floor that is bent as a whole; the same hills for every bend that is plausible.
+std::vector<NodePrior> hills(const NodeLikelihood& likelihood, const Lattice& lattice) {
   constexpr double kLeft = 3e-5;  // m: deviation of what hills leave
+  constexpr double kBroad = 2.0;  // m: length of a bend
   const HillyFloor floor = find_hills(likelihood, lattice);
-  const MatrixXd spread = floor.covariance_m2 + covariance({kLeft, 0.7}, lattice);
-  return {floor.height_m, spread.diagonal().cwiseSqrt(),
-          spread.llt().solve(MatrixXd::Identity(spread.rows(), spread.cols()))};
+  std::vector<NodePrior> made;
+  for (const double bend : {0.0, 2e-4, 6e-4}) {  // m
+    const MatrixXd spread =
+        floor.covariance_m2 + covariance({kLeft, 0.7}, lattice) + covariance({bend, kBroad}, lattice);
+    made.push_back({floor.height_m, spread.diagonal().cwiseSqrt(),
+                    spread.llt().solve(MatrixXd::Identity(spread.rows(), spread.cols()))});
+  }
+  return made;
 }
 
 // Of fields and, for heights, hills.
@@ -64,7 +71,8 @@ Weighed best_prior(const NodeLikelihood& likelihood, const Effect& map) {
     for (const double deviation : deviations_of(map))
       offer({VectorXd::Zero(n), VectorXd::Constant(n, deviation), unit / (deviation * deviation)});
   }
-  if (std::holds_alternative<FloorUnevenness>(map)) offer(hills(likelihood, lattice));
+  if (!std::holds_alternative<FloorUnevenness>(map)) return *best;
+  for (NodePrior& prior : hills(likelihood, lattice)) offer(std::move(prior));
   return *best;
 }
 

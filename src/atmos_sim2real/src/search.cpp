@@ -359,10 +359,17 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
     const double before = current.log_likelihood;
     current = fit(problem, current.effects, current.free, current.noise,
                   round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
+    bool map = false, reweighed = false;
+    for (std::size_t i = 0; i < current.effects.size(); ++i) {
+      if (!over_the_floor(current.effects[i])) continue;
+      map = true;
+      if (round > 0 || i + 1 == current.effects.size()) continue;
+      // Its prior was chosen beside less.
+      current = with_best_prior(problem, std::move(current), i);
+      reweighed = true;
+    }
+    if (map && !reweighed) break;  // costly, and what it pushes does not depend on the velocity
     if (round > 0 && std::abs(current.log_likelihood - before) < kEnough) break;
-    const bool map = std::any_of(current.free.begin(), current.free.end(),
-                                 [](const FreeParameter& free) { return free.joint != nullptr; });
-    if (map) break;  // costly, and what it pushes does not depend on the velocity
   }
   return current;
 }
