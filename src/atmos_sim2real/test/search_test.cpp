@@ -167,5 +167,17 @@ TEST(Search, NamesALawThatNoTwoKnownEffectsExplain) {
   EXPECT_EQ(named_by(flown), (std::vector<std::string>{"unmodelled"}));
 }
 
+TEST(Search, AMagnetUnderTheFloorIsNoUnevenFloor) {
+  const std::string dx = "(-0.4 - x - r*cos(yaw))", dy = "(-0.35 - y - r*sin(yaw))";
+  const std::string pull = "k*exp(-(" + dx + "^2 + " + dy + "^2)/w^2)";
+  Unmodelled magnet;
+  magnet.force_x_n = dx + "*" + pull;
+  magnet.force_y_n = dy + "*" + pull;
+  magnet.torque_n_m = "(r*cos(yaw)*" + dy + " - r*sin(yaw)*" + dx + ")*" + pull;
+  magnet.coefficients = {{"k", {0.5, "N/m"}}, {"r", {0.15, "m"}}, {"w", {0.55, "m"}}};
+  Flown flown({magnet}, 90.0, 2);
+  EXPECT_EQ(named_by(flown), (std::vector<std::string>{"unmodelled"}));
+}
+
 }  // namespace
 }  // namespace atmos
