@@ -231,7 +231,7 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
 }
 
 // The best starts of the best hypotheses, and of those that are sure of a fit: maps if they are not hopeless,
-// others wherever something asks to be explained.
+// others once wherever something asks to be explained.
 std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
   constexpr double kMisfit = 12.0;  // nats
   std::vector<Screened> chosen;
@@ -244,8 +244,9 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
     if (starts == 0 ? (kinds >= most && !sure) : starts >= 2) continue;
     // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
     // than a map of nothing would (three standard deviations of half a chi-square).
+    const bool asked_for = sure && starts == 0 && scored.front().score > kMisfit;
     const bool hopeless = map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance)
-                              : candidate.score < 0.0 && !(sure && scored.front().score > kMisfit);
+                              : candidate.score < 0.0 && !asked_for;
     if (hopeless) continue;
     if (starts == 0 && !sure) ++kinds;
     ++starts;
