@@ -62,7 +62,7 @@ double seconds_per_pulse(const std::vector<Flight>& flights, int thruster, doubl
   double pulses = 0.0;
   for (const Flight& flight : flights) {
     for (const ThrusterCommand& command : flight.recording().commands)
-      pulses += command.duty[static_cast<std::size_t>(thruster) - 1] > 0.0;
+      pulses += command.duty[static_cast<std::size_t>(thruster) - 1] != 0.0;
   }
   return flown_s / pulses;
 }

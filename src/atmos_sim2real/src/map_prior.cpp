@@ -46,10 +46,11 @@ std::vector<NodePrior> hills(const NodeLikelihood& likelihood, const Lattice& la
   constexpr double kLeft = 3e-5;  // m: deviation of what hills leave
   constexpr double kBroad = 2.0;  // m: length of a bend
   const HillyFloor floor = find_hills(likelihood, lattice);
+  const MatrixXd hilly = floor.covariance_m2 + covariance({kLeft, 0.7}, lattice);
+  const MatrixXd bent = covariance({1.0, kBroad}, lattice);
   std::vector<NodePrior> made;
   for (const double bend : {0.0, 2e-4, 6e-4}) {  // m
-    const MatrixXd spread =
-        floor.covariance_m2 + covariance({kLeft, 0.7}, lattice) + covariance({bend, kBroad}, lattice);
+    const MatrixXd spread = hilly + bend * bend * bent;
     made.push_back({floor.height_m, spread.diagonal().cwiseSqrt(),
                     spread.llt().solve(MatrixXd::Identity(spread.rows(), spread.cols()))});
   }

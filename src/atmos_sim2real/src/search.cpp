@@ -232,8 +232,8 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
 
 // The best starts of the best hypotheses, and of those that are sure of a fit: maps if they are not hopeless,
 // others once wherever something asks to be explained.
-std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most) {
-  constexpr double kMisfit = 12.0;  // nats
+std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most,
+                                const SearchOptions& options) {
   std::vector<Screened> chosen;
   std::map<const Hypothesis*, std::size_t> taken;
   std::size_t kinds = 0;
@@ -244,7 +244,7 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
     if (starts == 0 ? (kinds >= most && !sure) : starts >= 2) continue;
     // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
     // than a map of nothing would (three standard deviations of half a chi-square).
-    const bool asked_for = sure && starts == 0 && scored.front().score > kMisfit;
+    const bool asked_for = sure && starts == 0 && scored.front().score > options.accept_gain;
     const bool hopeless = map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance)
                               : candidate.score < 0.0 && !asked_for;
     if (hopeless) continue;
@@ -312,7 +312,8 @@ void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>&
       if (is_plain(hypothesis) && !same_subject(hypothesis, tried[first].hypothesis))
         others.push_back(hypothesis);
     }
-    for (const Screened& candidate : shortlist(screen(problem, tried[first].fit, others), kSeconds)) {
+    for (const Screened& candidate :
+         shortlist(screen(problem, tried[first].fit, others), kSeconds, options)) {
       const Tried second = attempt(problem, tried[first].fit, candidate, looseness);
       const double together = tried[first].gain + second.gain;
       options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
@@ -463,7 +464,7 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   std::vector<std::vector<Screened>> promising;  // per claim
   for (std::size_t i = 0; i < claims.size(); ++i) {
     // Screens shrink differences, but not to less than half.
-    promising.push_back(shortlist(screening.in_place_of(i), kRivals));
+    promising.push_back(shortlist(screening.in_place_of(i), kRivals, options));
     const double least = 0.5 * (screening.worth(i) - choices_of(claims[i].hypothesis));
     promising.back().erase(std::remove_if(promising.back().begin(), promising.back().end(),
                                           [&](const Screened& rival) { return rival.score < least; }),
@@ -549,7 +550,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
                        [&](const Screened& screened) { return is_claimed(refused, *screened.hypothesis); }),
         scored.end());
 
-    const std::vector<Screened> promising = shortlist(scored, options.fitted_per_step);
+    const std::vector<Screened> promising = shortlist(scored, options.fitted_per_step, options);
     std::vector<Attempt> wanted;
     for (const Screened& candidate : promising) wanted.push_back({&current, &candidate});
     std::vector<Tried> tried = attempts(problem, wanted, looseness);
