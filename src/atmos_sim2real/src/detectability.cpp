@@ -52,7 +52,6 @@ struct Size {
 
 Size size_of(const Effect& effect, double flown_s) {
   if (const auto* rise = std::get_if<ThrustRise>(&effect)) return {"time_constant_s", rise->time_constant_s};
-  if (const auto* slosh = std::get_if<Slosh>(&effect)) return {"mass_kg", slosh->mass_kg};
   if (const auto* swing = std::get_if<FloorVibration>(&effect)) return {"amplitude_n", swing->amplitude_n};
   return {"since_s", flown_s};
 }

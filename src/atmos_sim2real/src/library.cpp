@@ -142,12 +142,13 @@ Hypothesis valve_delay() {
 Hypothesis slosh() {
   Hypothesis hypothesis;
   hypothesis.kind = Slosh::kKind;
-  for (double f = 0.15; f < 4.0; f *= 1.2) {
+  // As far apart as such a resonance is wide, or one that lies between two goes unseen.
+  for (double f = 0.15; f < 4.0; f *= 1.1) {
     Slosh start;
-    start.mass_kg = 0.3;
+    start.mass_kg = 0.0;
     start.frequency_hz = f;
-    start.damping_ratio = 0.05;
-    hypothesis.starts.push_back({start, {}});
+    start.damping_ratio = 0.1;
+    hypothesis.starts.push_back({start, {"mass_kg"}});
   }
   hypothesis.free = {free_scalar("mass_kg", 0.0, 0.7, 1e-2), free_scalar("frequency_hz", 0.8, 0.8, 2e-3),
                      free_scalar("damping_ratio", 0.05, 0.08, 2e-3), free_scalar("x_m", 0.0, 0.08, 2e-3),
