@@ -234,6 +234,7 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
 // others once wherever something asks to be explained.
 std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most,
                                 const SearchOptions& options) {
+  constexpr double kMostGrowth = 5.0;  // from a screen to a fit, over that of the best
   std::vector<Screened> chosen;
   std::map<const Hypothesis*, std::size_t> taken;
   std::size_t kinds = 0;
@@ -247,7 +248,9 @@ std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t
     const bool asked_for = sure && starts == 0 && scored.front().score > options.accept_gain;
     const bool hopeless = map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance)
                               : candidate.score < 0.0 && !asked_for;
-    if (hopeless) continue;
+    // It is costly to fit, and has its turn when what towers over it is known.
+    const bool outshone = map && kMostGrowth * candidate.gain < scored.front().score;
+    if (hopeless || outshone) continue;
     if (starts == 0 && !sure) ++kinds;
     ++starts;
     chosen.push_back(candidate);
