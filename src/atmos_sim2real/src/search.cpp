@@ -48,14 +48,34 @@ Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
   return extended;
 }
 
+// Whether a fit at the present noise tells that nothing is to be gained: not of what is searched for after it
+// (a map's prior, a disc, an onset), nor of laws that lie far from all their starts.
+bool tells_at_once(const Hypothesis& hypothesis) {
+  return !hypothesis.map && !hypothesis.local && !hypothesis.sure_of_a_fit && hypothesis.onsets == 0.0;
+}
+
 // Fits the current model with one screened hypothesis. The flights are smoothed under the current model
 // before and after.
 Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate, double looseness) {
   const Hypothesis& hypothesis = *candidate.hypothesis;
-  Fit extended = with(current, hypothesis, candidate);
-  clamp_to_bounds(extended.effects, extended.free);
-  Fit fitted = fit(problem, extended.effects, extended.free, current.noise, FitEffort::kThorough,
-                   current.linearisation);
+  const auto tried = [&](Fit fitted) {
+    const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
+    // Of the linearisation, which may be large, nothing is kept: it can be had again.
+    fitted.linearisation.reset();
+    return Tried{hypothesis, std::move(fitted),
+                 std::isnan(gain) ? -std::numeric_limits<double>::infinity() : gain};
+  };
+  Fit fitted = with(current, hypothesis, candidate);
+  clamp_to_bounds(fitted.effects, fitted.free);
+  fitted.linearisation = current.linearisation;
+  if (tells_at_once(hypothesis)) {
+    Fit start = evaluate(problem, std::move(fitted.effects), std::move(fitted.free), current.noise);
+    start.linearisation = std::move(fitted.linearisation);
+    fitted = refine(problem, std::move(start), 4);
+    if (!(fitted.evidence > current.evidence)) return tried(std::move(fitted));
+  }
+  fitted = fit(problem, std::move(fitted.effects), std::move(fitted.free), current.noise,
+               FitEffort::kThorough, std::move(fitted.linearisation));
   if (std::holds_alternative<FrictionPatch>(fitted.effects.back())) {
     fitted = refine_patch(problem, std::move(fitted), fitted.effects.size() - 1, looseness);
     smooth_all(problem, current.effects, current.noise, looseness);
@@ -67,10 +87,7 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
   }
   if (over_the_floor(fitted.effects.back()))
     fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
-  const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
-  // Of the linearisation, which may be large, nothing is kept: it can be had again.
-  fitted.linearisation.reset();
-  return {hypothesis, std::move(fitted), std::isnan(gain) ? -std::numeric_limits<double>::infinity() : gain};
+  return tried(std::move(fitted));
 }
 
 // One screened hypothesis beside one model.
