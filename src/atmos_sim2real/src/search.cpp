@@ -370,11 +370,22 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
   return "";
 }
 
+// The priors of all maps but the newest effect were chosen beside less: weighs them again.
+Fit with_priors_again(const Problem& problem, Fit current) {
+  for (std::size_t i = 0; i + 1 < current.effects.size(); ++i) {
+    if (over_the_floor(current.effects[i])) current = with_best_prior(problem, std::move(current), i);
+  }
+  return current;
+}
+
 // Fits along the motion that the model itself implies, until that no longer changes: friction that nearly
 // holds the robot shows itself only step by step.
 Fit settled(const Problem& problem, Fit current, double looseness) {
   constexpr int kMost = 4;
   constexpr double kEnough = 2.0;  // nats
+  const auto newest = std::prev(current.effects.end());
+  const bool earlier_map = std::any_of(current.effects.begin(), newest, over_the_floor);
+  const bool map = earlier_map || over_the_floor(*newest);
   for (int round = 0; round < kMost; ++round) {
     for (std::size_t i = 0; round == 0 && i < current.effects.size(); ++i) {
       current = refine_onset(problem, std::move(current), i);
@@ -384,16 +395,10 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
     const double before = current.log_likelihood;
     current = fit(problem, current.effects, current.free, current.noise,
                   round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
-    bool map = false, reweighed = false;
-    for (std::size_t i = 0; i < current.effects.size(); ++i) {
-      if (!over_the_floor(current.effects[i])) continue;
-      map = true;
-      if (round > 0 || i + 1 == current.effects.size()) continue;
-      // Its prior was chosen beside less.
-      current = with_best_prior(problem, std::move(current), i);
-      reweighed = true;
-    }
-    if (map && !reweighed) break;  // costly, and what it pushes does not depend on the velocity
+    if (round == 0 && earlier_map)
+      current = with_priors_again(problem, std::move(current));
+    else if (map)
+      break;  // costly, and what it pushes does not depend on the velocity
     if (round > 0 && std::abs(current.log_likelihood - before) < kEnough) break;
   }
   return current;

@@ -88,6 +88,25 @@ TEST(Screening, ThrustersMoveTheRobotTheSameWhateverPushesFromOutside) {
   EXPECT_LT((with_tether - without).norm(), 1e-6 * without.norm());
 }
 
+TEST(Screening, SeesAMassThatSwingsBetweenTwoFrequenciesOfTheLibrary) {
+  const auto is_slosh = [](const Hypothesis& hypothesis) { return hypothesis.kind == Slosh::kKind; };
+  Slosh swinging;
+  swinging.mass_kg = 1.0;
+  swinging.damping_ratio = 0.03;
+  for (const double frequency_hz : {0.54, 0.57, 0.6}) {
+    swinging.frequency_hz = frequency_hz;
+    Flown flown({swinging}, 40.0, 31);
+    std::vector<Hypothesis> library = hypotheses(flown.vehicle, flown.flights);
+    library = {*std::find_if(library.begin(), library.end(), is_slosh)};
+    const NoiseModel noise = initial_noise(flown.flights);
+    smooth_all(flown.problem, {}, noise, 5.0);
+    const Fit nominal = evaluate(flown.problem, {}, {}, profile_noise(flown.problem, {}, noise, true));
+    const Screened best = screen(flown.problem, nominal, library).front();
+    EXPECT_GT(best.score, 20.0) << frequency_hz << " Hz";
+    EXPECT_NEAR(std::get<Slosh>(best.start.effect).frequency_hz, frequency_hz, 0.1 * frequency_hz);
+  }
+}
+
 std::vector<std::string> named_by(Flown& flown) {
   const SearchResult found = search(flown.problem, hypotheses(flown.vehicle, flown.flights), SearchOptions());
   std::vector<std::string> kinds;

@@ -50,7 +50,7 @@ struct SearchOptions {
   double accept_gain_of_local = 20.0;  // the same of what unseen data cannot contradict
   double accept_gain_of_map = 40.0;    // the same of a map, which takes in any slow force a little
   double plain_gain =
-      40.0;  // above it, an effect of few parameters is named however little it moves the robot
+      20.0;  // above it, an effect of few parameters is named however little it moves the robot
   double least_inclusion = 0.8;
   std::size_t most_effects = 8;
   std::size_t fitted_per_step = 6;
