@@ -69,6 +69,7 @@ Bounds bounds_of(const std::vector<Effect>& effects, const FreeParameter& free) 
       },
       effects[free.effect]);
   bounds.min = std::max(bounds.min, free.least);
+  bounds.max = std::min(bounds.max, free.most);
   return bounds;
 }
 

@@ -139,7 +139,7 @@ Hypothesis valve_delay() {
   return hypothesis;
 }
 
-Hypothesis slosh() {
+Hypothesis slosh(const Vehicle& vehicle) {
   Hypothesis hypothesis;
   hypothesis.kind = Slosh::kKind;
   // As far apart as such a resonance is wide, or one that lies between two goes unseen.
@@ -153,6 +153,7 @@ Hypothesis slosh() {
   hypothesis.free = {free_scalar("mass_kg", 0.0, 0.7, 1e-2), free_scalar("frequency_hz", 0.8, 0.8, 2e-3),
                      free_scalar("damping_ratio", 0.05, 0.08, 2e-3), free_scalar("x_m", 0.0, 0.08, 2e-3),
                      free_scalar("y_m", 0.0, 0.08, 2e-3)};
+  hypothesis.free.front().most = 0.5 * vehicle.mass_kg;  // as the effect itself demands
   return hypothesis;
 }
 
@@ -211,7 +212,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(depletion, {free_scalar("kg_per_open_second", 0.0, 0.005, 1e-4)}));
   all.push_back(
       simple(ComOffset{}, {free_scalar("x_m", 0.0, 0.015, 1e-4), free_scalar("y_m", 0.0, 0.015, 1e-4)}));
-  all.push_back(slosh());
+  all.push_back(slosh(vehicle));
 
   all.push_back(simple(FloorTilt{},
                        {free_scalar("slope_x", 0.0, 8e-4, 1e-5), free_scalar("slope_y", 0.0, 8e-4, 1e-5)}));

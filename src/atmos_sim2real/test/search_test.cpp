@@ -107,6 +107,18 @@ TEST(Screening, SeesAMassThatSwingsBetweenTwoFrequenciesOfTheLibrary) {
   }
 }
 
+TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
+  Flown flown({}, 10.0, 41);
+  Slosh heavy;
+  heavy.mass_kg = flown.vehicle.mass_kg;
+  std::vector<Effect> effects{heavy};
+  for (const Hypothesis& hypothesis : hypotheses(flown.vehicle, flown.flights)) {
+    if (hypothesis.kind == Slosh::kKind) clamp_to_bounds(effects, hypothesis.free);
+  }
+  EXPECT_DOUBLE_EQ(std::get<Slosh>(effects.front()).mass_kg, 0.5 * flown.vehicle.mass_kg);
+  EXPECT_NO_THROW(Plant(flown.vehicle, effects, kStart));
+}
+
 std::vector<std::string> named_by(Flown& flown) {
   const SearchResult found = search(flown.problem, hypotheses(flown.vehicle, flown.flights), SearchOptions());
   std::vector<std::string> kinds;

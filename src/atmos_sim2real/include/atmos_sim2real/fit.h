@@ -27,8 +27,8 @@ struct FreeParameter {
       false;  // the residual is linear in it and independent of the others: its column never changes
   // Maps: prior precision of all elements together, by element; prior_width is that of each by itself.
   std::shared_ptr<const Eigen::MatrixXd> joint = nullptr;
-  double least =
-      -std::numeric_limits<double>::infinity();  // where physics says more than the effect's own bounds
+  // Where physics says more than the effect's own bounds.
+  double least = -std::numeric_limits<double>::infinity(), most = std::numeric_limits<double>::infinity();
 };
 
 double& parameter(std::vector<Effect>& effects, const FreeParameter& free);
