@@ -132,7 +132,7 @@ bool make_effect(const std::string& kind, Effect& effect) {
 // The first thing wrong with a formula; empty when it compiles.
 std::string formula_fault(const Unmodelled& law, const std::string& formula, std::size_t thrusters) {
   try {
-    law.compile(formula, thrusters);
+    law.compile({formula}, thrusters);
     return "";
   } catch (const std::invalid_argument& error) {
     return error.what();
@@ -212,7 +212,7 @@ std::string misfit(const Effect& effect, const Vehicle& vehicle) {
   if (thruster_of(effect) > count)
     return "must not be above " + std::to_string(count) + ", the thrusters of " + vehicle.name;
   const auto* slosh = std::get_if<Slosh>(&effect);
-  if (slosh != nullptr && slosh->mass_kg > 0.5 * vehicle.mass_kg)
+  if (slosh != nullptr && slosh->mass_kg > Slosh::kMostOfVehicle * vehicle.mass_kg)
     return "must not be more than half the mass of " + vehicle.name;
   return "";
 }

@@ -142,18 +142,30 @@ Hypothesis valve_delay() {
 Hypothesis slosh(const Vehicle& vehicle) {
   Hypothesis hypothesis;
   hypothesis.kind = Slosh::kKind;
-  // As far apart as such a resonance is wide, or one that lies between two goes unseen.
-  for (double f = 0.15; f < 4.0; f *= 1.1) {
+  const auto start_at = [&](double frequency_hz, double x_m, double y_m) {
     Slosh start;
     start.mass_kg = 0.0;
-    start.frequency_hz = f;
+    start.frequency_hz = frequency_hz;
     start.damping_ratio = 0.1;
+    start.x_m = x_m;
+    start.y_m = y_m;
     hypothesis.starts.push_back({start, {"mass_kg"}});
+  };
+  // As far apart as such a resonance is wide, or one that lies between two goes unseen.
+  for (double f = 0.15; f < 4.0; f *= 1.1) start_at(f, 0.0, 0.0);
+  // The faster it swings, the more it follows the body like an offset of the centre of mass: what it does
+  // beyond that is seen where it has a lever.
+  constexpr double kLever = 0.06;  // m
+  for (double f = 0.7; f < 2.5; f *= 1.2) {
+    for (const double lever : {kLever, -kLever}) {
+      start_at(f, lever, 0.0);
+      start_at(f, 0.0, lever);
+    }
   }
   hypothesis.free = {free_scalar("mass_kg", 0.0, 0.7, 1e-2), free_scalar("frequency_hz", 0.8, 0.8, 2e-3),
                      free_scalar("damping_ratio", 0.05, 0.08, 2e-3), free_scalar("x_m", 0.0, 0.08, 2e-3),
                      free_scalar("y_m", 0.0, 0.08, 2e-3)};
-  hypothesis.free.front().most = 0.5 * vehicle.mass_kg;  // as the effect itself demands
+  hypothesis.free.front().most = Slosh::kMostOfVehicle * vehicle.mass_kg;
   return hypothesis;
 }
 

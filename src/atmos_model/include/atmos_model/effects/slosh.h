@@ -13,6 +13,9 @@ struct Slosh : EffectHooks {
       "acceleration), "
       "w = 2 pi frequency_hz; the body, of mass M - mass_kg, gets mass_kg (w^2 s + 2 z w s') at the point";
 
+  // Of the vehicle's mass: more than half of it cannot swing.
+  static constexpr double kMostOfVehicle = 0.5;
+
   double mass_kg = 0.1;
   double frequency_hz = 1.0;
   double damping_ratio = 0.05;

@@ -3,7 +3,7 @@
 #include <map>
 
 #include "atmos_model/effect.h"
-#include "atmos_model/expression.h"
+#include "atmos_model/formulas.h"
 
 namespace atmos {
 
@@ -33,22 +33,18 @@ struct Unmodelled : EffectHooks {
           self.coefficients);
   }
 
-  // Compiles one formula for a vehicle with so many thrusters. Throws std::invalid_argument with the place
-  // and what was expected there.
-  Expression compile(const std::string& formula, std::size_t thrusters) const {
+  // Compiles formulas for a vehicle with so many thrusters. Throws std::invalid_argument with the place and
+  // what was expected there.
+  Formulas compile(const std::vector<std::string>& formulas, std::size_t thrusters) const {
     std::vector<std::string> variables = {"x", "y", "yaw", "vx", "vy", "yaw_rate", "t"};
     for (std::size_t i = 1; i <= thrusters; ++i) variables.push_back("u" + std::to_string(i));
     std::map<std::string, double> constants;
     for (const auto& [name, coefficient] : coefficients) constants[name] = coefficient.value;
-    return Expression(formula, variables, constants);
+    return Formulas(formulas, variables, constants);
   }
 
-  // Compiles all three.
-  void prepare(std::size_t thrusters) {
-    force_x_ = compile(force_x_n, thrusters);
-    force_y_ = compile(force_y_n, thrusters);
-    torque_ = compile(torque_n_m, thrusters);
-  }
+  // Compiles its own.
+  void prepare(std::size_t thrusters) { law_ = compile({force_x_n, force_y_n, torque_n_m}, thrusters); }
 
   template <class S>
   void force(const Instant<S>& now, const S*, PlanarWrench<S>& wrench) const {
@@ -56,12 +52,14 @@ struct Unmodelled : EffectHooks {
                                    now.state.v_WC.x(),  now.state.v_WC.y(), now.state.yaw_rate,
                                    S(now.since_start_s)};
     std::copy(now.openings, now.openings + now.plant.thrusters.size(), values + 7);
-    wrench.force_W += Vec2<S>(force_x_.evaluate(values), force_y_.evaluate(values));
-    wrench.torque += torque_.evaluate(values);
+    S law[3] = {S(0), S(0), S(0)};
+    law_.evaluate(values, law);
+    wrench.force_W += Vec2<S>(law[0], law[1]);
+    wrench.torque += law[2];
   }
 
  private:
-  Expression force_x_, force_y_, torque_;
+  Formulas law_;
 };
 
 }  // namespace atmos

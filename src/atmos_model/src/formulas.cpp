@@ -1,4 +1,4 @@
-#include "atmos_model/expression.h"
+#include "atmos_model/formulas.h"
 
 #include <algorithm>
 #include <cctype>
@@ -7,22 +7,24 @@
 namespace atmos {
 
 // Recursive descent: sum := product {(+|-) product}, product := unary {(*|/) unary}, unary := {-} power,
-// power := atom [^ unary], atom := number | name | function ( sum ) | ( sum ).
-class ExpressionParser {
+// power := atom [^ unary], atom := number | name | function ( sum ) | ( sum ). Each returns the part that
+// has its value.
+class FormulaParser {
  public:
-  ExpressionParser(const std::string& text, const std::vector<std::string>& variables,
-                   const std::map<std::string, double>& constants, std::vector<Expression::Step>& steps)
-      : text_(text), variables_(variables), constants_(constants), steps_(steps) {}
+  FormulaParser(const std::string& text, const std::vector<std::string>& variables,
+                const std::map<std::string, double>& constants, std::vector<Formulas::Part>& parts)
+      : text_(text), variables_(variables), constants_(constants), parts_(parts) {}
 
-  void parse() {
+  std::size_t parse() {
     for (const auto& [name, value] : constants_) check_name(name);
-    sum();
+    const std::size_t value = sum();
     skip_space();
     if (at_ != text_.size()) fail("an operator or the end");
+    return value;
   }
 
  private:
-  using Op = Expression::Op;
+  using Op = Formulas::Op;
 
   [[noreturn]] void fail(const std::string& expected) const {
     throw std::invalid_argument("\"" + text_ + "\": at position " + std::to_string(at_ + 1) + " " + expected +
@@ -40,66 +42,55 @@ class ExpressionParser {
     return true;
   }
 
-  // `pushes`: the step leaves one more value on the stack than it takes.
-  void emit(Expression::Step step, bool pushes = false) {
-    if (pushes && ++depth_ > Expression::kMaxDepth) fail("a formula less deeply nested");
-    steps_.push_back(step);
-  }
-  // `left`, `right`: where the steps of the operands begin.
-  void emit_binary(Op op, std::size_t left, std::size_t right) {
-    --depth_;
-    const bool nothing_left = is_zero(left, right), nothing_right = is_zero(right, steps_.size());
-    if (op == Op::kMultiply && (nothing_left || nothing_right)) {
-      steps_.resize(left);
-      emit({Op::kNumber, 0.0});
-    } else if ((op == Op::kAdd || op == Op::kSubtract) && nothing_right) {
-      steps_.resize(right);
-    } else if (op == Op::kAdd && nothing_left) {
-      steps_.erase(steps_.begin() + static_cast<long>(left), steps_.begin() + static_cast<long>(right));
-    } else {
-      emit({op});
-    }
+  void enter() {
+    if (++nesting_ > Formulas::kMaxDepth) fail("a formula less deeply nested");
   }
 
-  bool is_zero(std::size_t begin, std::size_t end) const {
-    return end == begin + 1 && steps_[begin].op == Op::kNumber && steps_[begin].number == 0.0;
+  // The same part is made once.
+  std::size_t part(const Formulas::Part& wanted) {
+    const auto known = std::find(parts_.begin(), parts_.end(), wanted);
+    const auto index = static_cast<std::size_t>(known - parts_.begin());
+    if (known == parts_.end()) parts_.push_back(wanted);
+    return index;
   }
 
-  // Squares are what most powers are, and pow() is slow.
-  void emit_power(std::size_t left, std::size_t right) {
-    const Expression::Step exponent = steps_.back();
-    if (exponent.op != Op::kNumber || exponent.number != 2.0) return emit_binary(Op::kPower, left, right);
-    --depth_;
-    steps_.back() = {Op::kSquare};
+  std::size_t number(double value) { return part({Op::kNumber, 0, 0, value}); }
+
+  bool is_number(std::size_t index, double value) const {
+    return parts_[index].op == Op::kNumber && parts_[index].number == value;
   }
 
-  void sum() {
-    if (++nesting_ > Expression::kMaxDepth) fail("a formula less deeply nested");
-    const std::size_t left = steps_.size();
-    product();
+  std::size_t binary(Op op, std::size_t left, std::size_t right) {
+    if (op == Op::kMultiply && (is_number(left, 0.0) || is_number(right, 0.0))) return number(0.0);
+    if ((op == Op::kAdd || op == Op::kSubtract) && is_number(right, 0.0)) return left;
+    if (op == Op::kAdd && is_number(left, 0.0)) return right;
+    // Squares are what most powers are, and pow() is slow.
+    if (op == Op::kPower && is_number(right, 2.0)) return part({Op::kSquare, left});
+    return part({op, left, right});
+  }
+
+  std::size_t sum() {
+    enter();
+    std::size_t value = product();
     for (;;) {
       const Op op = take('+') ? Op::kAdd : Op::kSubtract;
       if (op == Op::kSubtract && !take('-')) break;
-      const std::size_t right = steps_.size();
-      product();
-      emit_binary(op, left, right);
+      value = binary(op, value, product());
     }
     --nesting_;
+    return value;
   }
 
-  void product() {
-    const std::size_t left = steps_.size();
-    unary();
+  std::size_t product() {
+    std::size_t value = unary();
     for (;;) {
       const Op op = take('*') ? Op::kMultiply : Op::kDivide;
-      if (op == Op::kDivide && !take('/')) return;
-      const std::size_t right = steps_.size();
-      unary();
-      emit_binary(op, left, right);
+      if (op == Op::kDivide && !take('/')) return value;
+      value = binary(op, value, unary());
     }
   }
 
-  void unary() {
+  std::size_t unary() {
     bool negative = false;
     for (;;) {
       if (take('-')) {
@@ -108,35 +99,31 @@ class ExpressionParser {
         break;
       }
     }
-    const std::size_t left = steps_.size();
-    atom();
+    std::size_t value = atom();
     if (take('^')) {
-      if (++nesting_ > Expression::kMaxDepth) fail("a formula less deeply nested");
-      const std::size_t right = steps_.size();
-      unary();
+      enter();
+      value = binary(Op::kPower, value, unary());
       --nesting_;
-      emit_power(left, right);
     }
-    if (negative) emit({Op::kNegate});
+    return negative ? part({Op::kNegate, value}) : value;
   }
 
-  void atom() {
+  std::size_t atom() {
     skip_space();
     if (take('(')) {
-      sum();
+      const std::size_t value = sum();
       if (!take(')')) fail("\")\"");
-      return;
+      return value;
     }
     if (at_ >= text_.size()) fail("a number, a name or \"(\"");
     const char first = text_[at_];
     if (std::isdigit(static_cast<unsigned char>(first)) || first == '.') {
       char* end = nullptr;
-      const double number = std::strtod(text_.c_str() + at_, &end);
+      const double value = std::strtod(text_.c_str() + at_, &end);
       const auto length = static_cast<std::size_t>(end - (text_.c_str() + at_));
-      if (length == 0 || !std::isfinite(number)) fail("a finite number");
+      if (length == 0 || !std::isfinite(value)) fail("a finite number");
       at_ += length;
-      emit({Op::kNumber, number}, true);
-      return;
+      return number(value);
     }
     if (!std::isalpha(static_cast<unsigned char>(first))) fail("a number, a name or \"(\"");
     std::size_t end = at_;
@@ -147,21 +134,17 @@ class ExpressionParser {
     if (function != functions().end()) {
       at_ = end;
       if (!take('(')) fail("\"(\" after " + name);
-      sum();
+      const std::size_t value = sum();
       if (!take(')')) fail("\")\"");
-      emit({function->second});
-      return;
+      return part({function->second, value});
     }
     const auto constant = constants_.find(name);
     const auto variable = std::find(variables_.begin(), variables_.end(), name);
     if (constant == constants_.end() && variable == variables_.end())
       fail("a known name instead of \"" + name + "\"");
     at_ = end;
-    if (constant != constants_.end()) {
-      emit({Op::kNumber, constant->second}, true);
-    } else {
-      emit({Op::kVariable, 0.0, static_cast<std::size_t>(variable - variables_.begin())}, true);
-    }
+    if (constant != constants_.end()) return number(constant->second);
+    return part({Op::kVariable, static_cast<std::size_t>(variable - variables_.begin())});
   }
 
   static const std::map<std::string, Op>& functions() {
@@ -184,16 +167,15 @@ class ExpressionParser {
   const std::string& text_;
   const std::vector<std::string>& variables_;
   const std::map<std::string, double>& constants_;
-  std::vector<Expression::Step>& steps_;
+  std::vector<Formulas::Part>& parts_;
   std::size_t at_ = 0;
-  std::size_t depth_ = 0;
   std::size_t nesting_ = 0;
 };
 
-Expression::Expression(const std::string& text, const std::vector<std::string>& variables,
-                       const std::map<std::string, double>& constants)
-    : text_(text) {
-  ExpressionParser(text_, variables, constants, steps_).parse();
+Formulas::Formulas(const std::vector<std::string>& formulas, const std::vector<std::string>& variables,
+                   const std::map<std::string, double>& constants) {
+  for (const std::string& text : formulas)
+    results_.push_back(FormulaParser(text, variables, constants, parts_).parse());
 }
 
 }  // namespace atmos
