@@ -15,57 +15,6 @@ namespace {
 
 constexpr double kRow = 0.1;  // s between the rows of a window
 
-// Filters of several trusts in the model run side by side; at any frame the one that has predicted best so
-// far counts.
-struct CausalTrack {
-  std::vector<Flight> flights;                  // one per level
-  std::vector<std::vector<double>> likelihood;  // per level, summed up to each frame
-  std::size_t best_at(std::size_t frame) const {
-    std::size_t best = 0;
-    for (std::size_t level = 1; level < likelihood.size(); ++level) {
-      if (likelihood[level][frame] > likelihood[best][frame]) best = level;
-    }
-    return best;
-  }
-};
-
-CausalTrack track(const Recording& recording, const Plant& plant) {
-  CausalTrack out;
-  for (const double slow : {2e-4, 1e-3, 5e-3, 2.5e-2}) {
-    NoiseModel noise;
-    // White noise from the first second; the rest of the recording is not looked at.
-    Recording beginning = recording;
-    beginning.poses.resize(std::min<std::size_t>(beginning.poses.size(), 120));
-    noise = initial_noise({Flight(beginning)});
-    noise.slow = {slow, slow, 5.0 * slow};
-    Flight flight(recording);
-    flight.track(plant, noise);
-    const ForceIntegrals forces = flight.integrate(plant);
-    const std::size_t n = flight.frames();
-    std::vector<double> sum(n, 0.0);
-    const auto whiteners = flight.whiteners(noise);
-    for (std::size_t axis = 0; axis < kAxes; ++axis) {
-      const Whitener& whitener = (*whiteners)[axis];
-      std::vector<double> e(n);
-      whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), e.data());
-      double total = 0.0;
-      for (std::size_t i = 0; i < n; ++i) {
-        total -= 0.5 * e[i] * e[i] + whitener.log_deviation(i);
-        sum[i] += total;
-      }
-    }
-    out.flights.push_back(std::move(flight));
-    out.likelihood.push_back(std::move(sum));
-  }
-  return out;
-}
-
-// Index of the last frame stamped at or before `stamp`; the first one when there is none.
-std::size_t frame_before(const std::vector<double>& times, double stamp) {
-  const auto after = std::upper_bound(times.begin(), times.end(), stamp + 1e-6);
-  return after == times.begin() ? 0 : static_cast<std::size_t>(after - times.begin()) - 1;
-}
-
 }  // namespace
 
 std::vector<WindowStart> read_window_starts(const std::string& path) {
@@ -96,45 +45,73 @@ std::vector<WindowStart> read_window_starts(const std::string& path) {
   return starts;
 }
 
-std::vector<WindowStart> estimate_window_starts(const Recording& recording, const Vehicle& vehicle,
-                                                const std::vector<Effect>& effects, double horizon_s) {
-  const Plant plant(vehicle, effects, recording.start_s());
-  const CausalTrack causal = track(recording, plant);
-  const std::vector<double>& times = causal.flights.front().times();
+OpenLoop::OpenLoop(const Recording& recording, const Vehicle& vehicle, const std::vector<Effect>& effects)
+    : recording_(recording), plant_(vehicle, effects, recording.start_s()) {
+  // White noise from the first second; the rest of the recording is not looked at.
+  Recording beginning = recording;
+  beginning.poses.resize(std::min<std::size_t>(beginning.poses.size(), 120));
+  NoiseModel noise = initial_noise({Flight(beginning)});
+  for (const double slow : {2e-4, 1e-3, 5e-3, 2.5e-2}) {
+    noise.slow = {slow, slow, 5.0 * slow};
+    Flight flight(recording);
+    flight.track(plant_, noise);
+    Track track;
+    const ForceIntegrals forces = flight.integrate(plant_, &track.hidden);
+    const std::size_t n = flight.frames();
+    track.log_likelihood.assign(n, 0.0);
+    const auto whiteners = flight.whiteners(noise);
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+      const Whitener& whitener = (*whiteners)[axis];
+      std::vector<double> e(n);
+      whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), e.data());
+      double total = 0.0;
+      for (std::size_t i = 0; i < n; ++i) {
+        total -= 0.5 * e[i] * e[i] + whitener.log_deviation(i);
+        track.log_likelihood[i] += total;
+      }
+    }
+    track.motion = flight.motion();
+    tracks_.push_back(std::move(track));
+    times_ = flight.times();
+  }
+}
+
+const OpenLoop::Track& OpenLoop::best_at(std::size_t frame) const {
+  return *std::max_element(tracks_.begin(), tracks_.end(), [&](const Track& a, const Track& b) {
+    return a.log_likelihood[frame] < b.log_likelihood[frame];
+  });
+}
+
+// Index of the last frame stamped at or before `stamp`; the first one when there is none.
+std::size_t OpenLoop::frame_before(double stamp) const {
+  const auto after = std::upper_bound(times_.begin(), times_.end(), stamp + 1e-6);
+  return after == times_.begin() ? 0 : static_cast<std::size_t>(after - times_.begin()) - 1;
+}
+
+std::vector<WindowStart> OpenLoop::window_starts(double horizon_s) const {
   std::vector<WindowStart> starts;
-  for (double t = times.front() + 1.0; t + horizon_s <= times.back() + 1e-6; t += horizon_s) {
-    const std::size_t frame = frame_before(times, t);
-    starts.push_back({times[frame], causal.flights[causal.best_at(frame)].motion()[frame]});
+  for (double t = times_.front() + 1.0; t + horizon_s <= times_.back() + 1e-6; t += horizon_s) {
+    const std::size_t frame = frame_before(t);
+    starts.push_back({times_[frame], best_at(frame).motion[frame]});
   }
   return starts;
 }
 
-std::vector<PredictedPose> predict(const Recording& recording, const Vehicle& vehicle,
-                                   const std::vector<Effect>& effects, const std::vector<WindowStart>& starts,
-                                   double horizon_s) {
-  const Plant plant(vehicle, effects, recording.start_s());
-  ValveSchedule valves(plant.thruster_count(), plant.properties().timing);
-  for (const ThrusterCommand& command : recording.commands) valves.add(command);
-
-  // Hidden states that the body's motion drives need a motion: that of the best causal track.
-  const CausalTrack causal = track(recording, plant);
-  const std::vector<double>& times = causal.flights.front().times();
-  std::vector<std::vector<VecX<double>>> hidden(causal.flights.size());
-  for (std::size_t level = 0; level < causal.flights.size(); ++level)
-    causal.flights[level].integrate(plant, &hidden[level]);
-
+std::vector<PredictedPose> OpenLoop::predict(const std::vector<WindowStart>& starts, double horizon_s) const {
+  ValveSchedule valves(plant_.thruster_count(), plant_.properties().timing);
+  for (const ThrusterCommand& command : recording_.commands) valves.add(command);
   const int rows = static_cast<int>(std::lround(horizon_s / kRow));
   std::vector<PredictedPose> predicted;
   for (const WindowStart& start : starts) {
-    const std::size_t frame = frame_before(times, start.stamp_s);
+    const std::size_t frame = frame_before(start.stamp_s);
     PlantState state;
-    state.time_s = vehicle_time(plant, start.stamp_s);
-    state.body = plant.from_measured(start.shown);
-    state.hidden = hidden[causal.best_at(frame)][frame];
+    state.time_s = vehicle_time(plant_, start.stamp_s);
+    state.body = plant_.from_measured(start.shown);
+    state.hidden = best_at(frame).hidden[frame];
     for (int row = 1; row <= rows; ++row) {
       const double stamp = start.stamp_s + row * kRow;
-      advance(plant, valves, vehicle_time(plant, stamp), state);
-      const PlanarState<double> shown = plant.measured(state.body);
+      advance(plant_, valves, vehicle_time(plant_, stamp), state);
+      const PlanarState<double> shown = plant_.measured(state.body);
       predicted.push_back({start.stamp_s, stamp, shown.p_WC.x(), shown.p_WC.y(), shown.yaw});
     }
   }

@@ -101,8 +101,10 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
     const Recording& recording = *part.recording;
     std::vector<Effect> fitted = problem.known;
     fitted.insert(fitted.end(), part.fitted.begin(), part.fitted.end());
-    const auto starts_of = [&](const std::vector<Effect>& effects) {
-      std::vector<WindowStart> starts = estimate_window_starts(recording, *problem.vehicle, effects, 1.0);
+    const OpenLoop nominal_loop(recording, *problem.vehicle, problem.known);
+    const OpenLoop fitted_loop(recording, *problem.vehicle, fitted);
+    const auto starts_of = [&](const OpenLoop& loop) {
+      std::vector<WindowStart> starts = loop.window_starts(1.0);
       starts.erase(std::remove_if(starts.begin(), starts.end(),
                                   [&](const WindowStart& start) {
                                     return start.stamp_s < part.begin_s || start.stamp_s > part.end_s;
@@ -110,18 +112,17 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
                    starts.end());
       return starts;
     };
-    const std::vector<WindowStart> nominal_starts = starts_of(problem.known);
-    const std::vector<WindowStart> fitted_starts = part.fitted.empty() ? nominal_starts : starts_of(fitted);
+    const std::vector<WindowStart> nominal_starts = starts_of(nominal_loop);
+    const std::vector<WindowStart> fitted_starts = starts_of(fitted_loop);
     Flight smoothed(recording);
     smoothed.smooth(Plant(*problem.vehicle, fitted, recording.start_s()), noise, 1.0);
     for (std::size_t h = 0; h < kHorizons.size(); ++h) {
       const double horizon = kHorizons[h];
-      const auto rows = [&](const std::vector<Effect>& effects, const std::vector<WindowStart>& starts) {
-        return predict(recording, *problem.vehicle, effects, every(starts, horizon, part.end_s), horizon);
+      const auto rows = [&](const OpenLoop& loop, const std::vector<WindowStart>& starts) {
+        return loop.predict(every(starts, horizon, part.end_s), horizon);
       };
-      const std::vector<PredictedPose> nominal_rows = rows(problem.known, nominal_starts);
-      const std::vector<PredictedPose> fitted_rows =
-          part.fitted.empty() ? nominal_rows : rows(fitted, fitted_starts);
+      const std::vector<PredictedPose> nominal_rows = rows(nominal_loop, nominal_starts);
+      const std::vector<PredictedPose> fitted_rows = rows(fitted_loop, fitted_starts);
       auto& [nominal, with_effects, floor] = results[p].errors[h];
       nominal = prediction_error(recording, nominal_rows);
       with_effects = prediction_error(recording, fitted_rows);

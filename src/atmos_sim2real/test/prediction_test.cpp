@@ -39,11 +39,11 @@ TEST(Predict, ReproducesThePredictorFromTheTruth) {
   const Plant plant(vehicle, effects, kStart);
   // One start lies inside a pulse, where commands of before still act.
   const std::vector<WindowStart> starts = {start_at(flight, plant, 500), start_at(flight, plant, 1613)};
-  const std::vector<PredictedPose> rows = predict(flight.recording, vehicle, effects, starts, 5.0);
+  const std::vector<PredictedPose> rows = OpenLoop(flight.recording, vehicle, effects).predict(starts, 5.0);
   ASSERT_EQ(rows.size(), 100u);
   EXPECT_NEAR(rows.front().stamp_s, rows.front().window_start_s + 0.1, 1e-6);
   EXPECT_LT(largest_error(flight, plant, rows), 1e-6);
-  EXPECT_GT(largest_error(flight, plant, predict(flight.recording, vehicle, {}, starts, 5.0)), 1e-3);
+  EXPECT_GT(largest_error(flight, plant, OpenLoop(flight.recording, vehicle, {}).predict(starts, 5.0)), 1e-3);
 }
 
 TEST(Predict, CarriesHiddenStates) {
@@ -54,13 +54,14 @@ TEST(Predict, CarriesHiddenStates) {
   const SyntheticFlight flight = fly_ideal(vehicle, {droop}, pulse_commands(kStart, 40.0, 33));
   const Plant plant(vehicle, {droop}, kStart);
   const std::vector<WindowStart> starts = {start_at(flight, plant, 3000)};
-  const std::vector<PredictedPose> rows = predict(flight.recording, vehicle, {droop}, starts, 5.0);
+  const std::vector<PredictedPose> rows = OpenLoop(flight.recording, vehicle, {droop}).predict(starts, 5.0);
   EXPECT_LT(largest_error(flight, plant, rows), 1e-4);
   // The same window with a supply that is full at its start.
   SyntheticFlight late = flight;
   auto& commands = late.recording.commands;
   commands.erase(commands.begin() + 1, commands.begin() + 299);
-  EXPECT_GT(largest_error(flight, plant, predict(late.recording, vehicle, {droop}, starts, 5.0)), 1e-3);
+  EXPECT_GT(largest_error(flight, plant, OpenLoop(late.recording, vehicle, {droop}).predict(starts, 5.0)),
+            1e-3);
 }
 
 TEST(Predict, ReadsNoPoseAfterItsStart) {
@@ -72,15 +73,15 @@ TEST(Predict, ReadsNoPoseAfterItsStart) {
   const std::vector<WindowStart> starts = {start_at(flight, plant, 1500)};
   Recording moved = flight.recording;
   for (std::size_t i = 1501; i < moved.poses.size(); ++i) moved.poses[i].x_m += 0.5;
-  const auto rows = predict(flight.recording, vehicle, {slosh}, starts, 5.0);
-  const auto again = predict(moved, vehicle, {slosh}, starts, 5.0);
+  const auto rows = OpenLoop(flight.recording, vehicle, {slosh}).predict(starts, 5.0);
+  const auto again = OpenLoop(moved, vehicle, {slosh}).predict(starts, 5.0);
   for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_DOUBLE_EQ(rows[i].x_m, again[i].x_m);
 }
 
 TEST(EstimateWindowStarts, AreCausalAndNearTheTruth) {
   const Vehicle vehicle = nominal_vehicle();
   const SyntheticFlight flight = fly(vehicle, {}, pulse_commands(kStart, 30.0, 37), 38);
-  const auto starts = estimate_window_starts(flight.recording, vehicle, {}, 5.0);
+  const auto starts = OpenLoop(flight.recording, vehicle, {}).window_starts(5.0);
   ASSERT_EQ(starts.size(), 5u);
   for (const WindowStart& start : starts) {
     const auto frame = static_cast<std::size_t>(std::lround((start.stamp_s - kStart) / 0.01));
@@ -90,7 +91,7 @@ TEST(EstimateWindowStarts, AreCausalAndNearTheTruth) {
   Recording cut = flight.recording;
   const auto last = static_cast<std::size_t>(std::lround((starts[2].stamp_s - kStart) / 0.01));
   for (std::size_t i = last + 1; i < cut.poses.size(); ++i) cut.poses[i].y_m += 1.0;
-  const auto again = estimate_window_starts(cut, vehicle, {}, 5.0);
+  const auto again = OpenLoop(cut, vehicle, {}).window_starts(5.0);
   EXPECT_DOUBLE_EQ(again[2].shown.p_WC.y(), starts[2].shown.p_WC.y());
   EXPECT_DOUBLE_EQ(again[2].shown.v_WC.x(), starts[2].shown.v_WC.x());
 }

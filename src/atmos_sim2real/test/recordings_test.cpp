@@ -97,8 +97,9 @@ std::vector<Effect> truth(const json& plant, double start_s) {
 }
 
 double error_under(const std::vector<Effect>& effects, const Vehicle& vehicle, const Recording& recording) {
-  const auto starts = estimate_window_starts(recording, vehicle, effects, kHorizon);
-  return prediction_error(recording, predict(recording, vehicle, effects, starts, kHorizon)).position_rms_m;
+  const OpenLoop open_loop(recording, vehicle, effects);
+  const auto predicted = open_loop.predict(open_loop.window_starts(kHorizon), kHorizon);
+  return prediction_error(recording, predicted).position_rms_m;
 }
 
 class OpenRecording : public ::testing::TestWithParam<std::string> {};

@@ -76,7 +76,8 @@ Sums fly(const std::vector<Recording>& recordings, const Vehicle& vehicle, const
   Sums sums;
   std::ofstream(folder / "model.yaml") << write_model(effects);
   for (const Recording& recording : recordings) {
-    const std::vector<WindowStart> starts = estimate_window_starts(recording, vehicle, effects, kHorizon);
+    const OpenLoop open_loop(recording, vehicle, effects);
+    const std::vector<WindowStart> starts = open_loop.window_starts(kHorizon);
     if (starts.empty()) continue;
     write_commands(folder / "commands.csv", recording.commands);
     write_starts(folder / "starts.csv", starts);
@@ -85,7 +86,7 @@ Sums fly(const std::vector<Recording>& recordings, const Vehicle& vehicle, const
                std::to_string(kHorizon), "--out", folder / "rows.csv"},
               folder / "log");
     const std::vector<PredictedPose> flown = read_rows(folder / "rows.csv");
-    const std::vector<PredictedPose> predicted = predict(recording, vehicle, effects, starts, kHorizon);
+    const std::vector<PredictedPose> predicted = open_loop.predict(starts, kHorizon);
     const PredictionError error = prediction_error(recording, flown);
     const auto n = static_cast<double>(error.windows);
     sums.windows += error.windows;

@@ -43,11 +43,11 @@ int main(int argc, char** argv) {
     const Vehicle vehicle = load_vehicle(vehicle_path);
     const std::vector<Effect> effects = read_model(model_path, vehicle);
     const Recording recording = read_recording(bag, vehicle);
+    const OpenLoop open_loop(recording, vehicle, effects);
     const std::vector<WindowStart> starts =
-        starts_path.empty() ? estimate_window_starts(recording, vehicle, effects, horizon_s)
-                            : read_window_starts(starts_path);
+        starts_path.empty() ? open_loop.window_starts(horizon_s) : read_window_starts(starts_path);
     if (starts.empty()) throw std::invalid_argument(bag + ": is shorter than one horizon");
-    write_text(out_path, table(predict(recording, vehicle, effects, starts, horizon_s)));
+    write_text(out_path, table(open_loop.predict(starts, horizon_s)));
     std::printf("%zu windows of %g s: %s\n", starts.size(), horizon_s, out_path.c_str());
   });
 }

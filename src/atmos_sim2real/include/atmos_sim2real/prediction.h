@@ -24,16 +24,34 @@ struct PredictedPose {
 // Reads `stamp,x,y,yaw,vx,vy,yaw_rate`. Throws std::invalid_argument with file, line and rule.
 std::vector<WindowStart> read_window_starts(const std::string& path);
 
-// A start every `horizon_s` from the first second on, each estimated from commands and poses up to its stamp
-// alone.
-std::vector<WindowStart> estimate_window_starts(const Recording& recording, const Vehicle& vehicle,
-                                                const std::vector<Effect>& effects, double horizon_s);
+// Predicts one recording under one model. What a window starts from is estimated from commands and poses
+// stamped up to its start alone.
+class OpenLoop {
+ public:
+  // The recording must outlive it.
+  OpenLoop(const Recording& recording, const Vehicle& vehicle, const std::vector<Effect>& effects);
 
-// One window per start: rows every 0.1 s up to the horizon, open loop on the recorded commands. Hidden states
-// come from commands and poses stamped up to the window's start.
-std::vector<PredictedPose> predict(const Recording& recording, const Vehicle& vehicle,
-                                   const std::vector<Effect>& effects, const std::vector<WindowStart>& starts,
-                                   double horizon_s);
+  // A start every `horizon_s` from the first second on.
+  std::vector<WindowStart> window_starts(double horizon_s) const;
+  // One window per start: rows every 0.1 s up to the horizon, on the recorded commands.
+  std::vector<PredictedPose> predict(const std::vector<WindowStart>& starts, double horizon_s) const;
+
+ private:
+  // A filter with a certain trust in the model. Several run side by side; at any frame the one that has
+  // predicted best so far counts.
+  struct Track {
+    std::vector<PlanarState<double>> motion;
+    std::vector<VecX<double>> hidden;
+    std::vector<double> log_likelihood;  // up to each frame
+  };
+  const Track& best_at(std::size_t frame) const;
+  std::size_t frame_before(double stamp) const;
+
+  const Recording& recording_;
+  Plant plant_;
+  std::vector<double> times_;
+  std::vector<Track> tracks_;
+};
 
 // Root mean square of the errors at each window's end against the recording; windows whose end no pose shows
 // are left out.
