@@ -3,6 +3,7 @@
 import base64
 import html
 import json
+import multiprocessing
 import os
 import sys
 
@@ -321,6 +322,23 @@ def page(report, figures):
             f"<style>{STYLE}</style><body>{''.join(body)}</body></html>\n")
 
 
+FIGURES = {"prediction": draw_prediction, "time": draw_time, "floor": draw_floor, "thrusters": draw_thrusters}
+
+
+def drawn(name, report, plots, folder):
+    """Writes one figure; its PNG in base64, None where there is nothing to show."""
+    path = os.path.join(folder, "figures", name + ".png")
+    if os.path.exists(path):
+        os.remove(path)  # of an earlier diagnosis into the same folder
+    figure = FIGURES[name](report, plots)
+    if figure is None:
+        return None
+    figure.tight_layout()
+    figure.savefig(path)
+    with open(path, "rb") as image:
+        return base64.b64encode(image.read()).decode()
+
+
 def main():
     folder = sys.argv[1]
     if not sys.stdin.readline():
@@ -330,20 +348,9 @@ def main():
     with open(os.path.join(folder, "plots.json")) as source:
         plots = json.load(source)
     os.makedirs(os.path.join(folder, "figures"), exist_ok=True)
-    figures = {}
-    for name, draw in (("prediction", draw_prediction), ("time", draw_time), ("floor", draw_floor),
-                       ("thrusters", draw_thrusters)):
-        path = os.path.join(folder, "figures", name + ".png")
-        if os.path.exists(path):
-            os.remove(path)  # of an earlier diagnosis into the same folder
-        figure = draw(report, plots)
-        if figure is None:
-            continue
-        figure.tight_layout()
-        figure.savefig(path)
-        plt.close(figure)
-        with open(path, "rb") as image:
-            figures[name] = base64.b64encode(image.read()).decode()
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        images = pool.starmap(drawn, [(name, report, plots, folder) for name in FIGURES])
+    figures = {name: image for name, image in zip(FIGURES, images) if image}
     with open(os.path.join(folder, "report.html"), "w") as out:
         out.write(page(report, figures))
 

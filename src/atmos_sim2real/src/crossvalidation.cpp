@@ -85,7 +85,9 @@ std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const 
   in_parallel(blocks.size(), [&](std::size_t k) {
     const Eigen::MatrixXd j = rows(J[blocks[k].flight], blocks[k]);
     const Eigen::VectorXd e = rows(fit.innovations[blocks[k].flight], blocks[k]);
-    const Eigen::LLT<Eigen::MatrixXd> others(H - j.transpose() * j);
+    Eigen::MatrixXd rest = H;
+    rest.selfadjointView<Eigen::Lower>().rankUpdate(j.transpose(), -1.0);
+    const Eigen::LLT<Eigen::MatrixXd> others(rest);
     const Eigen::VectorXd left = e + j * others.solve(j.transpose() * e);
     // Of N(0, I + j P j') with P the inverse of what the others know, by the matrix inversion lemma.
     const Eigen::VectorXd v = j.transpose() * left;
@@ -99,7 +101,7 @@ std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const 
 
 BlockEvidence block_evidence(const Problem& problem, const Fit& base, const Fit& fitted, std::uint32_t seed) {
   const bool several = problem.flights->size() > 1;
-  const std::vector<Block> blocks = blocks_of(*problem.flights, several ? 1e9 : 10.0);
+  constexpr double kBlock = 10.0, kWhole = 1e9;  // s
   const auto gains = [&](const std::vector<Block>& over) {
     const std::vector<double> without = left_out_loss(problem, base, over);
     const std::vector<double> with = left_out_loss(problem, fitted, over);
@@ -108,9 +110,9 @@ BlockEvidence block_evidence(const Problem& problem, const Fit& base, const Fit&
     return gain;
   };
   BlockEvidence evidence;
-  for (const double gain : gains(blocks)) evidence.heldout_gain += gain;
-
-  evidence.block_gain = gains(blocks_of(*problem.flights, 10.0));
+  evidence.block_gain = gains(blocks_of(*problem.flights, kBlock));
+  for (const double gain : several ? gains(blocks_of(*problem.flights, kWhole)) : evidence.block_gain)
+    evidence.heldout_gain += gain;
   std::mt19937_64 random(seed);
   std::uniform_int_distribution<std::size_t> draw(0, evidence.block_gain.size() - 1);
   constexpr int kResamples = 200;

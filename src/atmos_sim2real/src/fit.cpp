@@ -430,11 +430,7 @@ void Fit::take_out(std::size_t effect) {
   effects.erase(effects.begin() + static_cast<long>(effect));
 }
 
-namespace {
-
-// `settled`: becomes whether further iterations would gain next to nothing.
-Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
-  settled = true;
+Fit refine(const Problem& problem, Fit current, int iterations) {
   const auto n = static_cast<Eigen::Index>(current.free.size());
   if (n == 0) return current;
   const Eigen::MatrixXd prior = prior_precision(current.free);
@@ -449,6 +445,7 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
       J[f].leftCols(data.cols()) = current.linearisation->columns[f];
   }
   current.linearisation.reset();
+  constexpr double kNothing = 1e-4;  // nats
   double damping = 1e-6;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     const std::vector<Eigen::Index> unknown = unknown_columns(current, data.cols());
@@ -458,7 +455,7 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
     Eigen::VectorXd g = -prior * from_prior_mean(current.effects, current.free);
     for (std::size_t f = 0; f < J.size(); ++f) g.noalias() -= J[f].transpose() * current.innovations[f];
     if (iteration == iterations) break;
-    settled = false;
+    current.settled = false;
 
     bool improved = false;
     double gain = 0.0;
@@ -466,6 +463,7 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
       Eigen::MatrixXd damped = H;
       damped.diagonal() *= 1.0 + damping;
       const Eigen::VectorXd step = damped.ldlt().solve(g);
+      if (0.5 * step.dot(g) < kNothing) break;
       std::vector<Effect> moved = current.effects;
       for (Eigen::Index p = 0; p < n; ++p) {
         const FreeParameter& free = current.free[static_cast<std::size_t>(p)];
@@ -482,7 +480,7 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
         damping = std::max(1e-3, damping * 30.0);
       }
     }
-    settled = !improved || gain < 1e-4;
+    current.settled = !improved || gain < kNothing;
     if (!improved) break;
     if (gain < 1e-2) iteration = iterations - 1;  // one more pass for the matrices at the optimum
   }
@@ -523,13 +521,6 @@ Fit refine(const Problem& problem, Fit current, int iterations, bool& settled) {
   return current;
 }
 
-}  // namespace
-
-Fit refine(const Problem& problem, Fit start, int iterations) {
-  bool settled;
-  return refine(problem, std::move(start), iterations, settled);
-}
-
 void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,
                 double looseness) {
   in_parallel(problem.flights->size(), [&](std::size_t f) {
@@ -545,22 +536,25 @@ NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effe
   return fit_noise(*problem.flights, forces, start, thorough);
 }
 
-Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
-        const NoiseModel& noise, FitEffort effort, std::shared_ptr<const Linearisation> known) {
+Fit with_noise_refitted(const Problem& problem, Fit best, FitEffort effort) {
   const bool thorough = effort == FitEffort::kThorough;
-  bool settled;
-  Fit start = evaluate(problem, std::move(effects), std::move(free), noise);
-  start.linearisation = std::move(known);
-  Fit best = refine(problem, std::move(start), thorough ? 4 : 2, settled);
   for (int round = 0; round < (thorough ? 2 : 1); ++round) {
     const NoiseModel level = profile_noise(problem, best.effects, best.noise, round == 0);
     const bool same_noise = level == best.noise;
-    if (settled && same_noise) continue;
+    if (best.settled && same_noise) continue;
     Fit again = evaluate(problem, best.effects, best.free, level);
     if (same_noise) again.linearisation = std::move(best.linearisation);
-    best = refine(problem, std::move(again), 3, settled);
+    best = refine(problem, std::move(again), 3);
   }
   return best;
+}
+
+Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
+        const NoiseModel& noise, FitEffort effort, std::shared_ptr<const Linearisation> known) {
+  Fit start = evaluate(problem, std::move(effects), std::move(free), noise);
+  start.linearisation = std::move(known);
+  const int iterations = effort == FitEffort::kThorough ? 4 : 2;
+  return with_noise_refitted(problem, refine(problem, std::move(start), iterations), effort);
 }
 
 }  // namespace atmos

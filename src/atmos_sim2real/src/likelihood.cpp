@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace atmos {
 
@@ -124,6 +125,15 @@ double implausible(double distortion, int axis) {
   return 0.5 * (distortion / usual) * (distortion / usual);
 }
 
+// Whether two noises are the same for these axes, but for what never changes.
+bool equal_on(int first, int last, const NoiseModel& a, const NoiseModel& b) {
+  bool equal = a.scatter == b.scatter;
+  for (int axis = first; axis <= last; ++axis)
+    equal = equal && a.mocap[axis] == b.mocap[axis] && a.slow[axis] == b.slow[axis] &&
+            a.rough[axis] == b.rough[axis] && a.distortion[axis] == b.distortion[axis];
+  return equal;
+}
+
 }  // namespace
 
 NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<ForceIntegrals>& forces,
@@ -213,14 +223,18 @@ NoiseModel fit_noise(const std::vector<Flight>& flights, const std::vector<Force
   const std::vector<double> factors =
       thorough ? std::vector<double>{4.0, 2.0, 1.4, 1.15} : std::vector<double>{2.0, 1.25};
   for (const double factor : factors) {
+    std::vector<std::optional<NoiseModel>> stuck(levels.size());  // where neither way was better
     for (int round = 0; round < (thorough ? 2 : 1); ++round) {
-      for (const Level& level : levels) {
+      for (std::size_t l = 0; l < levels.size(); ++l) {
+        const Level& level = levels[l];
+        if (stuck[l] && equal_on(level.first, level.last, *stuck[l], best)) continue;
         std::vector<NoiseModel> ways{best, best};
         level.scale(ways[0], factor);
         level.scale(ways[1], 1.0 / factor);
         const std::vector<AxisScores> found = scores_of(ways, level.first, level.last);
         const bool up = take_better(level, ways[0], found[0]);
         bool better = up || take_better(level, ways[1], found[1]);
+        if (!better) stuck[l] = best;
         for (int repeat = 1; repeat < 6 && better; ++repeat) {
           NoiseModel further = best;
           level.scale(further, up ? factor : 1.0 / factor);

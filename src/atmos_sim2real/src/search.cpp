@@ -54,9 +54,34 @@ bool tells_at_once(const Hypothesis& hypothesis) {
   return !hypothesis.map && !hypothesis.local && !hypothesis.sure_of_a_fit && hypothesis.onsets == 0.0;
 }
 
-// Fits the current model with one screened hypothesis. The flights are smoothed under the current model
-// before and after.
-Tried attempt(const Problem& problem, const Fit& current, const Screened& candidate, double looseness) {
+// What replacing one fit by another at the same noise gains once the noise is fitted again, roughly: the
+// level of each axis falls with what is left there. [nats]
+double gain_to_expect(const Fit& before, const Fit& after) {
+  double gain = 0.0;
+  for (int axis = 0; axis < kAxes; ++axis) {
+    double frames = 0.0, squares_before = 0.0, squares_after = 0.0;
+    for (std::size_t f = 0; f < before.innovations.size(); ++f) {
+      const Eigen::Index n = before.innovations[f].size() / kAxes;
+      frames += static_cast<double>(n);
+      squares_before += before.innovations[f].segment(axis * n, n).squaredNorm();
+      squares_after += after.innovations[f].segment(axis * n, n).squaredNorm();
+    }
+    gain += 0.5 * frames * std::log(squares_before / squares_after);
+  }
+  return gain;
+}
+
+// One screened hypothesis beside one model.
+struct Attempt {
+  const Fit* beside;
+  const Screened* candidate;
+  double least = 0.0;  // nats to expect, or it is not worth fitting further
+};
+
+// Fits the model with the hypothesis. The flights are smoothed under the model before and after.
+Tried attempt(const Problem& problem, const Attempt& wanted, double looseness) {
+  const Fit& current = *wanted.beside;
+  const Screened& candidate = *wanted.candidate;
   const Hypothesis& hypothesis = *candidate.hypothesis;
   const auto tried = [&](Fit fitted) {
     const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
@@ -72,10 +97,13 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
     Fit start = evaluate(problem, std::move(fitted.effects), std::move(fitted.free), current.noise);
     start.linearisation = std::move(fitted.linearisation);
     fitted = refine(problem, std::move(start), 4);
-    if (!(fitted.evidence > current.evidence)) return tried(std::move(fitted));
+    if (!(fitted.evidence > current.evidence) || gain_to_expect(current, fitted) < wanted.least)
+      return tried(std::move(fitted));
+    fitted = with_noise_refitted(problem, std::move(fitted), FitEffort::kThorough);
+  } else {
+    fitted = fit(problem, std::move(fitted.effects), std::move(fitted.free), current.noise,
+                 FitEffort::kThorough, std::move(fitted.linearisation));
   }
-  fitted = fit(problem, std::move(fitted.effects), std::move(fitted.free), current.noise,
-               FitEffort::kThorough, std::move(fitted.linearisation));
   if (std::holds_alternative<FrictionPatch>(fitted.effects.back())) {
     fitted = refine_patch(problem, std::move(fitted), fitted.effects.size() - 1, looseness);
     smooth_all(problem, current.effects, current.noise, looseness);
@@ -89,12 +117,6 @@ Tried attempt(const Problem& problem, const Fit& current, const Screened& candid
     fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
   return tried(std::move(fitted));
 }
-
-// One screened hypothesis beside one model.
-struct Attempt {
-  const Fit* beside;
-  const Screened* candidate;
-};
 
 // Bytes of the columns of a fit.
 double size_of_columns(const Problem& problem, const Attempt& attempt) {
@@ -117,9 +139,7 @@ std::vector<Tried> attempts(const Problem& problem, const std::vector<Attempt>& 
   std::stable_sort(together.begin(), together.end(), [&](std::size_t a, std::size_t b) {
     return size_of_columns(problem, wanted[a]) > size_of_columns(problem, wanted[b]);
   });
-  const auto make = [&](std::size_t i) {
-    tried[i] = attempt(problem, *wanted[i].beside, *wanted[i].candidate, looseness);
-  };
+  const auto make = [&](std::size_t i) { tried[i] = attempt(problem, wanted[i], looseness); };
   in_parallel(together.size(), [&](std::size_t k) { make(together[k]); });
   for (const std::size_t i : alone) make(i);
   return tried;
@@ -214,11 +234,11 @@ std::size_t complexity(const Hypothesis& hypothesis) {
   return hypothesis.map ? kField * hypothesis.starts.front().linear.size() : hypothesis.free.size();
 }
 
-// Whether a wind is but the slopes of a floor of this evidence: one without curl would be rare.
-bool blows_as_slopes(const Tried& tried, double gain_of_floor) {
+// Whether an effect of this gain is a wind that is but the slopes of a floor: one without curl would be rare.
+bool blows_as_slopes(const Effect& effect, double gain, double gain_of_floor) {
   constexpr double kNoCurl = 0.05, kNearlyItsGain = 0.85;  // of the field's square; of the wind's gain
-  const auto* wind = std::get_if<Airflow>(&tried.fit.effects.back());
-  return wind != nullptr && share_with_curl(*wind) < kNoCurl && gain_of_floor > kNearlyItsGain * tried.gain;
+  const auto* wind = std::get_if<Airflow>(&effect);
+  return wind != nullptr && share_with_curl(*wind) < kNoCurl && gain_of_floor > kNearlyItsGain * gain;
 }
 
 // Of candidates that explain the flights equally well, the simplest is named: friction everywhere and not in
@@ -229,7 +249,8 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
   const auto floor = std::find_if(tried.begin(), tried.end(), [](const Tried& other) {
     return other.hypothesis.kind == FloorUnevenness::kKind;
   });
-  if (floor != tried.end() && blows_as_slopes(tried.front(), floor->gain))
+  if (floor != tried.end() &&
+      blows_as_slopes(tried.front().fit.effects.back(), tried.front().gain, floor->gain))
     std::rotate(tried.begin(), floor, floor + 1);
   const double least = tried.front().gain - indistinct(tried.front().gain);
   const auto end =
@@ -334,7 +355,7 @@ void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>&
     }
     for (const Screened& candidate :
          shortlist(screen(problem, tried[first].fit, others), kSeconds, options)) {
-      const Tried second = attempt(problem, tried[first].fit, candidate, looseness);
+      const Tried second = attempt(problem, {&tried[first].fit, &candidate}, looseness);
       const double together = tried[first].gain + second.gain;
       options.progress("  " + label(tried[first].hypothesis) + " with " + label(second.hypothesis) + ": " +
                        std::to_string(together) + " nats");
@@ -484,7 +505,8 @@ bool drop_needless(const Problem& problem, Fit& current, std::vector<Claim>& cla
 // without each effect. Whether one was replaced.
 bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims, const Screening& screening,
                 const std::vector<Fit>& without_each, double looseness, const SearchOptions& options) {
-  constexpr double kClearlyBetter = 3.0;  // nats
+  constexpr double kClearlyBetter = 3.0;               // nats
+  constexpr double kLeastShare = 0.7, kLeeway = 10.0;  // of the claim's gain; nats
   constexpr std::size_t kRivals = 3;
   std::vector<std::vector<Screened>> promising;  // per claim
   for (std::size_t i = 0; i < claims.size(); ++i) {
@@ -497,7 +519,10 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   }
   std::vector<Attempt> wanted;
   for (std::size_t i = 0; i < claims.size(); ++i) {
-    for (const Screened& rival : promising[i]) wanted.push_back({&without_each[i], &rival});
+    const Fit& rest = without_each[i];
+    const Fit claimed = evaluate(problem, current.effects, {}, rest.noise);
+    const double least = kLeastShare * gain_to_expect(rest, claimed) - kLeeway;
+    for (const Screened& rival : promising[i]) wanted.push_back({&rest, &rival, least});
   }
   std::vector<Tried> tried = attempts(problem, wanted, looseness);
   auto next = tried.begin();
@@ -512,10 +537,12 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   for (std::size_t i = 0; i < claims.size(); ++i) {
     Claim& claim = claims[i];
     const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
+      const bool floor = tried.hypothesis.kind == FloorUnevenness::kKind;
+      if (floor && blows_as_slopes(current.effects[i], claim.rival_reference, tried.gain)) return true;
       const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
                             claim.rival_reference > kNearly * tried.gain;
-      const bool slopes =
-          claim.hypothesis.kind == FloorUnevenness::kKind && blows_as_slopes(tried, claim.rival_reference);
+      const bool slopes = claim.hypothesis.kind == FloorUnevenness::kKind &&
+                          blows_as_slopes(tried.fit.effects.back(), tried.gain, claim.rival_reference);
       return tried.gain > claim.rival_reference + kClearlyBetter && !imitates && !slopes;
     });
     if (rival == claim.rivals.end()) continue;

@@ -196,6 +196,6 @@ int main(int argc, char** argv) {
   }
   // Columns come and go by the thousand: their memory is kept instead of asked for anew each time.
   mallopt(M_MMAP_MAX, 0);
-  mallopt(M_TRIM_THRESHOLD, 256 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
   return with_clear_errors([&] { run(arguments); });
 }

@@ -60,6 +60,7 @@ struct Fit {
   Eigen::MatrixXd
       covariance;  // of the free parameters, corrected for what correlation the residual has left (sandwich)
   std::vector<Eigen::VectorXd> innovations;  // per flight
+  bool settled = true;                       // whether further steps at this noise would gain next to nothing
   // Fits have it, evaluations do not; a change of `free` must change it too.
   std::shared_ptr<const Linearisation> linearisation;
 
@@ -120,9 +121,10 @@ Fit refine(const Problem& problem, Fit start, int iterations);
 NoiseModel profile_noise(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& start,
                          bool thorough);
 
-// The same with the noise level profiled in between: twice, or once where the start is nearly a fit already.
-// `known`: a linearisation at this noise, believed as refine() does.
 enum class FitEffort { kThorough, kQuick };
+// A refined fit with its noise profiled and refined again: twice, or once where it is nearly right already.
+Fit with_noise_refitted(const Problem& problem, Fit refined, FitEffort effort);
+// Both in turn. `known`: a linearisation at this noise, believed as refine() does.
 Fit fit(const Problem& problem, std::vector<Effect> effects, std::vector<FreeParameter> free,
         const NoiseModel& noise, FitEffort effort = FitEffort::kThorough,
         std::shared_ptr<const Linearisation> known = nullptr);
