@@ -207,6 +207,7 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
     if (over_the_floor(found.final.effects[i]))
       out.search.final = continued(problem, std::move(out.search.final), i);
   }
+  add_covariance(problem, out.search.final);
 
   const double slow = found.final.noise.slow[kX], slow_yaw = found.final.noise.slow[kYaw];
   out.unexplained_acceleration_rms = slow;

@@ -486,23 +486,33 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   }
 
   current.evidence = objective(current) - occam_factor(prior, H, current.free);
+  current.linearisation = std::make_shared<Linearisation>(Linearisation{std::move(J), std::move(data)});
+  return current;
+}
 
-  // Covariance from blocks: honest about correlation that the residual has left. A block's own part in the
-  // fit made its residual smaller; of many parameters, as maps have, blocks are too few to say so.
+void add_covariance(const Problem& problem, Fit& fit) {
+  const auto n = static_cast<Eigen::Index>(fit.free.size());
+  if (n == 0) return;
+  const std::shared_ptr<const Linearisation> linearisation = linearisation_of(problem, fit);
+  const Eigen::MatrixXd prior = prior_precision(fit.free);
+  const Eigen::MatrixXd H = prior + linearisation->information;
   const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  // From blocks: honest about correlation that the residual has left. A block's own part in the fit made its
+  // residual smaller; of many parameters, as maps have, blocks are too few to say so.
   Eigen::MatrixXd meat = prior;
   constexpr Eigen::Index kBlock = 500;  // frames: 5 s
   constexpr Eigen::Index kMany = 40;    // parameters
-  for (std::size_t f = 0; f < J.size(); ++f) {
-    const Eigen::Index frames = J[f].rows() / kAxes;
+  for (std::size_t f = 0; f < fit.innovations.size(); ++f) {
+    const Eigen::MatrixXd& J = linearisation->columns[f];
+    const Eigen::Index frames = J.rows() / kAxes;
     for (Eigen::Index begin = 0; begin < frames; begin += kBlock) {
       const Eigen::Index size = std::min(kBlock, frames - begin);
       Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
       Eigen::MatrixXd rest;
       if (n <= kMany) rest = H;
       for (int axis = 0; axis < kAxes; ++axis) {
-        const auto rows = J[f].middleRows(axis * frames + begin, size);
-        score += rows.transpose() * current.innovations[f].segment(axis * frames + begin, size);
+        const auto rows = J.middleRows(axis * frames + begin, size);
+        score += rows.transpose() * fit.innovations[f].segment(axis * frames + begin, size);
         if (n <= kMany) rest -= rows.transpose() * rows;
       }
       if (n <= kMany) score = H * rest.ldlt().solve(score);
@@ -511,14 +521,12 @@ Fit refine(const Problem& problem, Fit current, int iterations) {
   }
   const Eigen::MatrixXd sandwich = inverse * meat * inverse;
   // Blocks are few: never claim less than the information says.
-  current.covariance = inverse;
+  fit.covariance = inverse;
   for (Eigen::Index p = 0; p < n; ++p) {
     const double ratio = std::sqrt(std::max(1.0, sandwich(p, p) / inverse(p, p)));
-    current.covariance.row(p) *= ratio;
-    current.covariance.col(p) *= ratio;
+    fit.covariance.row(p) *= ratio;
+    fit.covariance.col(p) *= ratio;
   }
-  current.linearisation = std::make_shared<Linearisation>(Linearisation{std::move(J), std::move(data)});
-  return current;
 }
 
 void smooth_all(const Problem& problem, const std::vector<Effect>& effects, const NoiseModel& noise,

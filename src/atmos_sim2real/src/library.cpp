@@ -221,7 +221,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(InertiaError{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));
   MassDepletion depletion;
   depletion.kg_per_open_second = 0.0;
-  all.push_back(simple(depletion, {free_scalar("kg_per_open_second", 0.0, 0.005, 1e-4)}));
+  all.push_back(simple(depletion, {free_scalar("kg_per_open_second", 0.0, 0.015, 1e-4)}));
   all.push_back(
       simple(ComOffset{}, {free_scalar("x_m", 0.0, 0.015, 1e-4), free_scalar("y_m", 0.0, 0.015, 1e-4)}));
   all.push_back(slosh(vehicle));
@@ -232,9 +232,9 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(unevenness(box));
   all.push_back(airflow(box));
   all.push_back(tether(box));
-  all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 0.4, 1e-3),
-                                       free_scalar("angular_n_m_s", 0.0, 0.01, 1e-4)}));
-  all.push_back(simple(QuadraticDrag{}, {free_scalar("coefficient_n_s2_m2", 0.0, 2.0, 1e-2)}));
+  all.push_back(simple(ViscousDrag{}, {free_scalar("linear_n_s_m", 0.0, 1.5, 1e-3),
+                                       free_scalar("angular_n_m_s", 0.0, 0.04, 1e-4)}));
+  all.push_back(simple(QuadraticDrag{}, {free_scalar("coefficient_n_s2_m2", 0.0, 8.0, 1e-2)}));
   all.push_back(simple(CoulombFriction{}, {free_scalar("coefficient", 0.0, 1e-3, 1e-5)}));
   all.push_back(friction_patch(box));
 

@@ -115,6 +115,7 @@ Tried attempt(const Problem& problem, const Attempt& wanted, double looseness) {
   }
   if (over_the_floor(fitted.effects.back()))
     fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
+  if (!hypothesis.map) add_covariance(problem, fitted);
   return tried(std::move(fitted));
 }
 
@@ -216,6 +217,7 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
   for (auto t = tried.begin(); t != end; ++t) {
     smooth_all(problem, t->fit.effects, t->fit.noise, looseness);
     t->fit = fit(problem, t->fit.effects, t->fit.free, t->fit.noise);
+    if (!t->hypothesis.map) add_covariance(problem, t->fit);
     t->fit.linearisation.reset();
     evidence.push_back(t->fit.evidence - choices_of(t->hypothesis));
   }
@@ -236,7 +238,7 @@ std::size_t complexity(const Hypothesis& hypothesis) {
 
 // Whether an effect of this gain is a wind that is but the slopes of a floor: one without curl would be rare.
 bool blows_as_slopes(const Effect& effect, double gain, double gain_of_floor) {
-  constexpr double kNoCurl = 0.05, kNearlyItsGain = 0.85;  // of the field's square; of the wind's gain
+  constexpr double kNoCurl = 0.1, kNearlyItsGain = 0.85;  // of its variation; of the wind's gain
   const auto* wind = std::get_if<Airflow>(&effect);
   return wind != nullptr && share_with_curl(*wind) < kNoCurl && gain_of_floor > kNearlyItsGain * gain;
 }
@@ -472,6 +474,7 @@ bool drop_needless(const Problem& problem, Fit& current, std::vector<Claim>& cla
                    std::vector<Claim>& refused, double looseness, const SearchOptions& options) {
   bool dropped = false;
   for (std::size_t i = 0; i + 1 < claims.size();) {
+    if (current.covariance.size() == 0) add_covariance(problem, current);
     if (plainly_there(current, i)) {
       ++i;
       continue;
@@ -604,7 +607,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
     const std::vector<Screened> promising = shortlist(scored, options.fitted_per_step, options);
     std::vector<Attempt> wanted;
-    for (const Screened& candidate : promising) wanted.push_back({&current, &candidate});
+    for (const Screened& candidate : promising)
+      wanted.push_back({&current, &candidate, 0.5 * options.accept_gain});
     std::vector<Tried> tried = attempts(problem, wanted, looseness);
     for (std::size_t t = 0; t < tried.size(); ++t)
       options.progress("  " + label(tried[t].hypothesis) + ": " + std::to_string(tried[t].gain) +

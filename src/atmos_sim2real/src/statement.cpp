@@ -154,7 +154,7 @@ struct Sentence {
     return "moving air pushes the robot with up to " +
            newtons(std::hypot(largest(e.force_x_n), largest(e.force_y_n))) + "; " +
            short_number(100.0 * share_with_curl(e)) +
-           " % of the field has curl, which slopes of a floor have not";
+           " % of its variation over the floor has curl, which slopes have not";
   }
   std::string operator()(const Tether& e) const {
     return "a tether pulls towards " + place(e.anchor_x_m, e.anchor_y_m) + " with " +

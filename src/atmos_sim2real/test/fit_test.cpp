@@ -31,7 +31,9 @@ Fit fit_kinds(const Vehicle& vehicle, std::vector<Flight>& flights, const std::v
   flights.front().smooth(problem.plant({}, 0), noise, 20.0);
   Fit fitted = fit(problem, effects, free, noise);
   flights.front().smooth(problem.plant(fitted.effects, 0), fitted.noise, 4.0);
-  return fit(problem, fitted.effects, fitted.free, fitted.noise);
+  fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
+  add_covariance(problem, fitted);
+  return fitted;
 }
 
 TEST(Fit, RecoversCouplingAndTiltWithinTheirDeviations) {

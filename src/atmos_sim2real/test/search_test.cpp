@@ -119,6 +119,20 @@ TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
   EXPECT_NO_THROW(Plant(flown.vehicle, effects, kStart));
 }
 
+// A law that contains a named effect must not be believed more readily of a large one: a drag of
+// 18 N s2/m2 was once called a power of the speed with an exponent of 0.501.
+TEST(Library, ADragIsAsPlausibleAsTheLawThatContainsIt) {
+  Flown flown({}, 10.0, 41);
+  double named = 0.0, of_law = 0.0;
+  for (const Hypothesis& hypothesis : hypotheses(flown.vehicle, flown.flights)) {
+    if (hypothesis.kind == QuadraticDrag::kKind) named = hypothesis.free.front().prior_width;
+    if (hypothesis.law == "a drag that grows with a power of the speed")
+      of_law = hypothesis.free.front().prior_width;
+  }
+  ASSERT_GT(of_law, 0.0);
+  EXPECT_GE(named, of_law);
+}
+
 std::vector<std::string> named_by(Flown& flown) {
   const SearchResult found = search(flown.problem, hypotheses(flown.vehicle, flown.flights), SearchOptions());
   std::vector<std::string> kinds;

@@ -57,8 +57,9 @@ struct Fit {
   double log_likelihood = 0.0;
   // log_likelihood + log prior - Occam factors (Laplace); comparable between fits to the same flights.
   double evidence = 0.0;
-  Eigen::MatrixXd
-      covariance;  // of the free parameters, corrected for what correlation the residual has left (sandwich)
+  // Of the free parameters, corrected for what correlation the residual has left; empty until
+  // add_covariance().
+  Eigen::MatrixXd covariance;
   std::vector<Eigen::VectorXd> innovations;  // per flight
   bool settled = true;                       // whether further steps at this noise would gain next to nothing
   // Fits have it, evaluations do not; a change of `free` must change it too.
@@ -89,6 +90,9 @@ Fit evaluate(const Problem& problem, std::vector<Effect> effects, std::vector<Fr
 
 // That of a fit; of an evaluation by finite differences.
 std::shared_ptr<const Linearisation> linearisation_of(const Problem& problem, const Fit& fit);
+
+// Fills in the covariance of a fit.
+void add_covariance(const Problem& problem, Fit& fit);
 
 // Adds rows' rows to `sum`, quickly where most columns are 0 for most of the time, as those of a map's nodes
 // are.
