@@ -123,6 +123,18 @@ Hypothesis friction_patch(const Box& box) {
 }
 
 // Pulses that are shorter than the delay of opening vanish, which no slope at zero delay tells.
+// The flights are far from linear in a delay that is longer than most pulses.
+template <class Delay>
+Hypothesis late() {
+  Hypothesis hypothesis = simple(Delay{}, {free_scalar("delay_s", 0.0, 0.03, 1e-3)});
+  for (const double delay : {0.02, 0.05}) {
+    Delay start;
+    start.delay_s = delay;
+    hypothesis.starts.push_back({start, {}});
+  }
+  return hypothesis;
+}
+
 Hypothesis valve_delay() {
   Hypothesis hypothesis = simple(
       ValveDelay{}, {free_scalar("open_s", 0.0, 0.015, 5e-4), free_scalar("close_s", 0.0, 0.015, 5e-4)});
@@ -189,7 +201,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   std::vector<Hypothesis> all;
   all.push_back(simple(ThrustScale{}, {free_scalar("factor", 1.0, 0.15, 1e-3)}));
   add_thruster_hypotheses(vehicle, flights, all);
-  all.push_back(simple(CommandDelay{}, {free_scalar("delay_s", 0.0, 0.03, 1e-3)}));
+  all.push_back(late<CommandDelay>());
   all.push_back(valve_delay());
   Hypothesis rise;
   rise.kind = ThrustRise::kKind;
@@ -238,7 +250,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
   all.push_back(simple(CoulombFriction{}, {free_scalar("coefficient", 0.0, 1e-3, 1e-5)}));
   all.push_back(friction_patch(box));
 
-  all.push_back(simple(MocapLatency{}, {free_scalar("delay_s", 0.0, 0.03, 1e-3)}));
+  all.push_back(late<MocapLatency>());
   all.push_back(
       simple(MarkerOffset{}, {free_scalar("x_m", 0.0, 0.02, 1e-4), free_scalar("y_m", 0.0, 0.02, 1e-4)}));
   all.push_back(simple(YawMisalignment{}, {free_scalar("angle_rad", 0.0, 0.04, 1e-4)}));
