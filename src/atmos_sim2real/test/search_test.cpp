@@ -88,23 +88,46 @@ TEST(Screening, ThrustersMoveTheRobotTheSameWhateverPushesFromOutside) {
   EXPECT_LT((with_tether - without).norm(), 1e-6 * without.norm());
 }
 
+// The best start of one kind beside the nominal model.
+Screened best_of(Flown& flown, const std::string& kind) {
+  std::vector<Hypothesis> library = hypotheses(flown.vehicle, flown.flights);
+  library = {*std::find_if(library.begin(), library.end(),
+                           [&](const Hypothesis& hypothesis) { return hypothesis.kind == kind; })};
+  const NoiseModel noise = initial_noise(flown.flights);
+  smooth_all(flown.problem, {}, noise, 5.0);
+  const Fit nominal = evaluate(flown.problem, {}, {}, profile_noise(flown.problem, {}, noise, true));
+  Screened best = screen(flown.problem, nominal, library).front();
+  best.hypothesis = nullptr;  // gone with the library
+  return best;
+}
+
 TEST(Screening, SeesAMassThatSwingsBetweenTwoFrequenciesOfTheLibrary) {
-  const auto is_slosh = [](const Hypothesis& hypothesis) { return hypothesis.kind == Slosh::kKind; };
   Slosh swinging;
   swinging.mass_kg = 1.0;
   swinging.damping_ratio = 0.03;
   for (const double frequency_hz : {0.54, 0.57, 0.6}) {
     swinging.frequency_hz = frequency_hz;
     Flown flown({swinging}, 40.0, 31);
-    std::vector<Hypothesis> library = hypotheses(flown.vehicle, flown.flights);
-    library = {*std::find_if(library.begin(), library.end(), is_slosh)};
-    const NoiseModel noise = initial_noise(flown.flights);
-    smooth_all(flown.problem, {}, noise, 5.0);
-    const Fit nominal = evaluate(flown.problem, {}, {}, profile_noise(flown.problem, {}, noise, true));
-    const Screened best = screen(flown.problem, nominal, library).front();
+    const Screened best = best_of(flown, Slosh::kKind);
     EXPECT_GT(best.score, 20.0) << frequency_hz << " Hz";
     EXPECT_NEAR(std::get<Slosh>(best.start.effect).frequency_hz, frequency_hz, 0.1 * frequency_hz);
   }
+}
+
+TEST(Screening, SeesTheLeverOfAMassThatSwingsFast) {
+  Slosh swinging;
+  swinging.mass_kg = 1.4;
+  swinging.frequency_hz = 1.5;
+  swinging.x_m = -0.06;
+  Flown flown({swinging}, 40.0, 31);
+  const Slosh best = std::get<Slosh>(best_of(flown, Slosh::kKind).start.effect);
+  EXPECT_LT(best.x_m, 0.0);
+  EXPECT_EQ(best.y_m, 0.0);
+}
+
+TEST(Screening, SeesADelayThatIsLongerThanMostPulses) {
+  Flown flown({CommandDelay{{}, 0.045}}, 40.0, 31);
+  EXPECT_NEAR(std::get<CommandDelay>(best_of(flown, CommandDelay::kKind).start.effect).delay_s, 0.045, 0.01);
 }
 
 TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
