@@ -23,6 +23,30 @@ class FormulaParser {
     return value;
   }
 
+  // Drops the parts of what was left out: of a law of many terms often all but one are at 0.
+  static void keep_needed(std::vector<Formulas::Part>& parts, std::vector<std::size_t>& results) {
+    std::vector<char> needed(parts.size(), 0);
+    for (const std::size_t result : results) needed[result] = 1;
+    // What takes fewer than two parts names the first, which is a number or a variable.
+    for (std::size_t k = parts.size(); k-- > 0;) {
+      if (needed[k] != 0 && parts[k].op != Op::kVariable) needed[parts[k].left] = needed[parts[k].right] = 1;
+    }
+    std::vector<std::size_t> moved(parts.size(), 0);
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      if (needed[k] == 0) continue;
+      Formulas::Part part = parts[k];
+      if (part.op != Op::kVariable) {
+        part.left = moved[part.left];
+        part.right = moved[part.right];
+      }
+      moved[k] = kept;
+      parts[kept++] = part;
+    }
+    parts.resize(kept);
+    for (std::size_t& result : results) result = moved[result];
+  }
+
  private:
   using Op = Formulas::Op;
 
@@ -176,6 +200,7 @@ Formulas::Formulas(const std::vector<std::string>& formulas, const std::vector<s
                    const std::map<std::string, double>& constants) {
   for (const std::string& text : formulas)
     results_.push_back(FormulaParser(text, variables, constants, parts_).parse());
+  FormulaParser::keep_needed(parts_, results_);
 }
 
 }  // namespace atmos

@@ -122,7 +122,6 @@ Hypothesis friction_patch(const Box& box) {
   return hypothesis;
 }
 
-// Pulses that are shorter than the delay of opening vanish, which no slope at zero delay tells.
 // The flights are far from linear in a delay that is longer than most pulses.
 template <class Delay>
 Hypothesis late() {
@@ -135,6 +134,7 @@ Hypothesis late() {
   return hypothesis;
 }
 
+// Pulses that are shorter than the delay of opening vanish, which no slope at zero delay tells.
 Hypothesis valve_delay() {
   Hypothesis hypothesis = simple(
       ValveDelay{}, {free_scalar("open_s", 0.0, 0.015, 5e-4), free_scalar("close_s", 0.0, 0.015, 5e-4)});

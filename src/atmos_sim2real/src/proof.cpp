@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 namespace atmos {
 
@@ -102,7 +103,9 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
     std::vector<Effect> fitted = problem.known;
     fitted.insert(fitted.end(), part.fitted.begin(), part.fitted.end());
     const OpenLoop nominal_loop(recording, *problem.vehicle, problem.known);
-    const OpenLoop fitted_loop(recording, *problem.vehicle, fitted);
+    std::optional<OpenLoop> own;  // where anything was fitted
+    if (!part.fitted.empty()) own.emplace(recording, *problem.vehicle, fitted);
+    const OpenLoop& fitted_loop = own ? *own : nominal_loop;
     const auto starts_of = [&](const OpenLoop& loop) {
       std::vector<WindowStart> starts = loop.window_starts(1.0);
       starts.erase(std::remove_if(starts.begin(), starts.end(),
@@ -122,7 +125,7 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
         return loop.predict(every(starts, horizon, part.end_s), horizon);
       };
       const std::vector<PredictedPose> nominal_rows = rows(nominal_loop, nominal_starts);
-      const std::vector<PredictedPose> fitted_rows = rows(fitted_loop, fitted_starts);
+      const std::vector<PredictedPose> fitted_rows = own ? rows(*own, fitted_starts) : nominal_rows;
       auto& [nominal, with_effects, floor] = results[p].errors[h];
       nominal = prediction_error(recording, nominal_rows);
       with_effects = prediction_error(recording, fitted_rows);

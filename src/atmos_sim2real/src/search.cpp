@@ -503,6 +503,12 @@ bool drop_needless(const Problem& problem, Fit& current, std::vector<Claim>& cla
   return dropped;
 }
 
+// What took an effect's place is the last of its fit; the claim goes there too.
+void move_to_end(std::vector<Claim>& claims, std::size_t index) {
+  const auto claim = claims.begin() + static_cast<long>(index);
+  std::rotate(claim, claim + 1, claims.end());
+}
+
 // Valves that open as late as they close are late commands, and are called so where that explains the flights
 // as well: the others stay as they are, from where a fit without the delay would lead them away. Whether it
 // was so.
@@ -527,8 +533,7 @@ bool simplify_delay(const Problem& problem, const std::vector<Hypothesis>& libra
     current = std::move(simpler);
     claims[i].hypothesis = *commands;
     claims[i].rival_reference += more;
-    std::rotate(claims.begin() + static_cast<long>(i), claims.begin() + static_cast<long>(i) + 1,
-                claims.end());
+    move_to_end(claims, i);
     return true;
   }
   return false;
@@ -583,12 +588,10 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
     options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
     Tried better = std::move(*rival);
     claim.rivals.erase(rival);
-    // The newcomer is the last effect of its fit; its claim goes there too.
     claim.hypothesis = better.hypothesis;
     claim.gain = claim.rival_reference = better.gain;
     current = std::move(better.fit);
-    std::rotate(claims.begin() + static_cast<long>(i), claims.begin() + static_cast<long>(i) + 1,
-                claims.end());
+    move_to_end(claims, i);
     return true;
   }
   return false;
