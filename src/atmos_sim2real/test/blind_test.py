@@ -4,7 +4,6 @@ Usage: blind_test.py SCRIPTS ATMOS_SIM_FLIGHT VEHICLE"""
 import json
 import math
 import os
-import random
 import subprocess
 import sys
 import tempfile
@@ -110,15 +109,29 @@ class Scoring(unittest.TestCase):
         self.assertAlmostEqual(scored(tilt, report(), errors)["gain_ratio"], 0.8)
         self.assertNotIn("gain_ratio", scored(tilt, report(), dict(errors, oracle=0.095)))
 
-    def test_a_rough_place_that_nobody_touched_did_nothing(self):
-        patch = {"kind": "friction_patch", "parameters": {"center_x_m": 1.0, "center_y_m": 0.0, "radius_m": 0.3}}
-        self.assertTrue(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]))
-        self.assertFalse(scoring.acts(patch, [{"x": 0.0, "y": 0.0}, {"x": 0.5, "y": 0.0}]))
-        self.assertTrue(scoring.acts({"kind": "floor_tilt", "parameters": {}}, []))
+    def test_a_rough_place_counts_by_the_way_that_bearings_rub_in_it(self):
+        along_x = [{"x": 0.01 * i, "y": 0.0, "yaw": 0.0} for i in range(201)]  # half-way: x = 1
         stated = {"friction_patch": {"parameter": "coefficient", "value": 1e-4}}
-        patch["parameters"]["coefficient"] = 1e-3
-        self.assertAlmostEqual(scoring.stated_multiple(patch, stated, 60.0, [{"x": 0.6, "y": 0.0}]), 10.0)
-        self.assertEqual(scoring.stated_multiple(patch, stated, 60.0, [{"x": 0.5, "y": 0.0}]), 0.0)
+
+        def multiple(x, y):
+            patch = {"center_x_m": x, "center_y_m": y, "radius_m": 0.3, "coefficient": 1e-3}
+            return scoring.stated_multiple({"kind": "friction_patch", "parameters": patch}, stated, 60.0, along_x)
+
+        self.assertAlmostEqual(multiple(1.0, 0.0), 10.0)
+        self.assertEqual(multiple(1.0, 0.5), 0.0)  # the nearest bearing passes at 0.35 m
+        self.assertTrue(0.0 < multiple(1.0, 0.4) < 10.0)
+
+    def test_a_tether_counts_by_how_differently_it_pulls(self):
+        along_x = [{"x": 0.1 * i, "y": 0.0, "yaw": 0.0} for i in range(11)]
+        stated = {"tether": {"parameter": "stiffness_n_m", "value": 0.05}}
+
+        def multiple(slack):
+            tether = {"anchor_x_m": -1.0, "anchor_y_m": 0.0, "slack_m": slack, "stiffness_n_m": 0.2, "damping_n_s_m": 0.1}
+            return scoring.stated_multiple({"kind": "tether", "parameters": tether}, stated, 60.0, along_x)
+
+        self.assertAlmostEqual(multiple(0.5), 4.0)  # always taut
+        self.assertEqual(multiple(2.0), 0.0)  # never
+        self.assertTrue(0.0 < multiple(1.5) < 4.0)
 
     def test_multiples_of_the_stated_size(self):
         stated = {"mass_error": {"parameter": "factor", "value": 0.02}}
@@ -157,11 +170,19 @@ class Scoring(unittest.TestCase):
 
 class Drawing(unittest.TestCase):
     def system(self, family, index, durations=(8.0, 8.0)):
-        return hidden.draw(random.Random(f"1/{family}/{index}"), family, index, durations, VEHICLE)
+        return hidden.draw(f"1/{family}/{index}", family, index, durations, VEHICLE)
 
     def test_seeds_repeat(self):
         self.assertEqual(self.system("multi", 3), self.system("multi", 3))
         self.assertNotEqual(self.system("multi", 3), self.system("multi", 4))
+
+    def test_several_effects_are_ones_that_would_be_seen_and_do_not_change_what_is_flown(self):
+        strong = lambda effect: effect["kind"] != "floor_vibration" and effect["parameters"].get("coefficient", 1.0) > 5e-4
+        for index in range(40):
+            system = hidden.draw(f"1/{index}", "multi", index, (8.0, 8.0), VEHICLE, seen=strong)
+            self.assertTrue(all(map(strong, system["truth"]["effects"])))
+            any_size = hidden.draw(f"1/{index}", "multi", index, (8.0, 8.0), VEHICLE)
+            self.assertEqual(system["flights"]["twin"], any_size["flights"]["twin"])
 
     def test_every_kind_and_law_can_be_flown(self):
         systems = [self.system("single", i) for i in range(len(hidden.KINDS))]

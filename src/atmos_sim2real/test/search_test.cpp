@@ -172,6 +172,25 @@ TEST(Search, NamesClockAndValvesTogether) {
   EXPECT_EQ(named_by(flown), (std::vector<std::string>{"clock_skew", "valve_delay"}));
 }
 
+TEST(Search, CallsValvesThatOpenAndCloseAsLateLateCommands) {
+  Flown flown({CommandDelay{{}, 0.045}}, 60.0, 51);
+  std::vector<Hypothesis> library;
+  for (Hypothesis hypothesis : hypotheses(flown.vehicle, flown.flights)) {
+    // From no delay at all, commands are not seen to be so late: the valves are named first.
+    if (hypothesis.kind == CommandDelay::kKind) hypothesis.starts.resize(1);
+    if (hypothesis.kind == CommandDelay::kKind || hypothesis.kind == ValveDelay::kKind)
+      library.push_back(hypothesis);
+  }
+  std::vector<std::string> said;
+  SearchOptions options;
+  options.progress = [&](const std::string& line) { said.push_back(line); };
+  const SearchResult found = search(flown.problem, library, options);
+  EXPECT_NE(std::find(said.begin(), said.end(), "accepted valve_delay"), said.end()) << "there is nothing to simplify";
+  ASSERT_EQ(found.final.effects.size(), 1u);
+  ASSERT_EQ(kind_of(found.final.effects[0]), CommandDelay::kKind);
+  EXPECT_NEAR(std::get<CommandDelay>(found.final.effects[0]).delay_s, 0.045, 0.002);
+}
+
 TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
   // Back and forth along x and y, half a metre each.
   std::vector<ThrusterCommand> commands;

@@ -42,10 +42,11 @@ int main(int argc, char** argv) {
   return with_clear_errors([&] {
     const Vehicle vehicle = load_vehicle(vehicle_path);
     const std::vector<Effect> effects = read_model(model_path, vehicle);
+    std::vector<WindowStart> starts;
+    if (!starts_path.empty()) starts = read_window_starts(starts_path);
     const Recording recording = read_recording(bag, vehicle);
     const OpenLoop open_loop(recording, vehicle, effects);
-    const std::vector<WindowStart> starts =
-        starts_path.empty() ? open_loop.window_starts(horizon_s) : read_window_starts(starts_path);
+    if (starts_path.empty()) starts = open_loop.window_starts(horizon_s);
     if (starts.empty()) throw std::invalid_argument(bag + ": is shorter than one horizon");
     write_text(out_path, table(open_loop.predict(starts, horizon_s)));
     std::printf("%zu windows of %g s: %s\n", starts.size(), horizon_s, out_path.c_str());

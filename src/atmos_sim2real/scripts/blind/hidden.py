@@ -1,9 +1,10 @@
 """Draws hidden systems: effects of random kinds and sizes, the nuisances of a lab, and two flights of each.
 
 Sizes are log-uniform over a physically sensible range of each kind, from below what a recording can show to plainly
-visible; `stratum` in [0, 1) says where in its range the size lies. All randomness comes from the generator given.
+visible; `stratum` in [0, 1) says where in its range the size lies. All randomness comes from the seed given.
 """
 import math
+import random
 
 # Kinds of the vocabulary; `unmodelled` is the family "outside".
 FIRST_START = 1700000000.0  # ROS time of flight a
@@ -293,8 +294,23 @@ def draw_kinds(rng, count):
     return [rng.choice(group) for group in rng.sample(groups, count)]
 
 
-def draw(rng, family, index, durations, vehicle):
-    """One hidden system: {"truth": ..., "flights": {"a": scenario, "b": scenario}, "frequency": pilot's}."""
+def draw_several(rng, count, arena, duration, seen):
+    """Effects that are separate statements, in the upper half of their ranges; those that would not be seen are drawn again."""
+    while True:
+        effects = []
+        for kind in draw_kinds(rng, count):
+            tries = ({"kind": kind, "parameters": KINDS[kind](rng, rng.uniform(0.55, 1.0), arena, duration)}
+                     for _ in range(30))
+            effects.append(next(filter(seen, tries), None))
+        if all(effects):  # else this flight shows one of the kinds nowhere: others
+            return effects
+
+
+def draw(seed, family, index, durations, vehicle, seen=lambda effect: True):
+    """One hidden system: {"truth": ..., "flights": {"a": scenario, "b": scenario}, "frequency": pilot's}; of single and multi
+    there is a flight "twin": flight a without the effects. `seen` says of an effect whether the twin would have shown it; what
+    is flown does not depend on it, and only `multi` asks."""
+    rng, hide = random.Random(f"{seed}/flights"), random.Random(f"{seed}/effects")
     arena = Arena(rng)
     duration = round(rng.uniform(*durations), 1)
     effects, accepted, stratum, label = [], [], None, "null"
@@ -302,22 +318,21 @@ def draw(rng, family, index, durations, vehicle):
         names = list(KINDS)
         label = names[index % len(names)]
         # Strata of the range: thirds in turn, at random within.
-        stratum = ((index // len(names)) % 3 + rng.random()) / 3
-        effects = [{"kind": label, "parameters": KINDS[label](rng, stratum, arena, duration)}]
+        stratum = ((index // len(names)) % 3 + hide.random()) / 3
+        effects = [{"kind": label, "parameters": KINDS[label](hide, stratum, arena, duration)}]
     elif family == "multi":
-        kinds = draw_kinds(rng, 2 + index % 2)
-        label = "+".join(kinds)
-        effects = [{"kind": kind, "parameters": KINDS[kind](rng, rng.uniform(0.55, 1.0), arena, duration)} for kind in kinds]
+        effects = draw_several(hide, 2 + index % 2, arena, duration, seen)
+        label = "+".join(effect["kind"] for effect in effects)
     elif family == "outside":
         names = list(LAWS)
         label = names[index % len(names)]
-        stratum = ((index // len(names)) % 3 + rng.random()) / 3
-        parameters, accepted = LAWS[label](rng, stratum, arena, duration)
+        stratum = ((index // len(names)) % 3 + hide.random()) / 3
+        parameters, accepted = LAWS[label](hide, stratum, arena, duration)
         effects = [{"kind": "unmodelled", "parameters": parameters}]
     mocap, lab = draw_nuisances(rng, duration)
     if family == "single":  # sizes are comparable only where the nuisances are alike
         mocap.update(noise_m=3e-4, noise_rad=9e-4, rate_hz=100.0)
-    second = [e for e in (in_second_flight(rng, effect) for effect in effects) if e is not None]
+    second = [e for e in (in_second_flight(hide, effect) for effect in effects) if e is not None]
     flights, styles = {}, {}
     for name, length, own in (("a", duration, effects), ("b", min(duration, 90.0), second)):
         styles[name], start, points = draw_set_points(rng, arena, length)
@@ -325,7 +340,7 @@ def draw(rng, family, index, durations, vehicle):
         flights[name] = {"name": "hidden", "vehicle": vehicle, "controller": vehicle, "duration_s": length,
                          "seed": rng.randrange(2 ** 31), "start": start, "setpoints": points, "mocap": own_mocap,
                          "lab": lab, "effects": own}
-    if family == "single":  # the same flight without the effect: what would have been seen of it
+    if family in ("single", "multi"):
         flights["twin"] = dict(flights["a"], effects=[])
     truth = {"family": family, "label": label, "stratum": stratum, "effects": effects, "second_effects": second,
              "accepted": list(accepted), "styles": styles, "mocap": mocap, "lab": lab, "duration_s": duration}

@@ -2,7 +2,6 @@
 import hashlib
 import json
 import os
-import random
 import resource
 import shutil
 import subprocess
@@ -80,16 +79,15 @@ class Runner:
             return result
         return None
 
-    def system(self, family, index):
-        rng = random.Random(f"{self.options.seed}/{family}/{index}")
-        return hidden.draw(rng, family, index, self.options.durations, self.vehicle)
+    def system(self, family, index, **options):
+        return hidden.draw(f"{self.options.seed}/{family}/{index}", family, index, self.options.durations, self.vehicle, **options)
 
-    def fly(self, folder, system):
-        for name, flight in system["flights"].items():
+    def fly(self, folder, system, names):
+        for name in names:
             start = hidden.SECOND_START if name == "b" else hidden.FIRST_START
             scenario = os.path.join(folder, f"hidden_{name}.yaml")
             with open(scenario, "w") as file:
-                json.dump(flight, file, indent=1)  # JSON is YAML
+                json.dump(system["flights"][name], file, indent=1)  # JSON is YAML
             child([self.tools["fly"], scenario, "--start", repr(start), "--bag", os.path.join(folder, f"{name}.bag"),
                    "--shown", os.path.join(folder, f"shown_{name}.csv"),
                    "--natural-frequency", repr(system["frequency"])], 300, os.path.join(folder, "fly.log"))
@@ -152,25 +150,38 @@ class Runner:
             progress(f"baseline {name}: {failure}")
         return scoring.score(truth, report, errors and dict(errors, fitted=fitted), hidden.FIRST_START, shown)
 
+    def visible_system(self, folder, index, stated, duration):
+        """A system of the family multi of which each effect is at least twice what its twin's report states as the smallest."""
+        shown = scoring.read_table(os.path.join(folder, "shown_twin.csv"))
+
+        def seen(effect):
+            multiple = scoring.stated_multiple(effect, stated, duration, shown)
+            return multiple is None or multiple >= scoring.VISIBLE
+
+        return self.system("multi", index, seen=seen)
+
     def run(self, family, index):
         """One run from the draw to the score; what cannot be scored is a result with `failure`."""
         folder = self.folder(family, index)
         shutil.rmtree(folder, ignore_errors=True)
         os.makedirs(folder)
         system = self.system(family, index)
-        truth = system["truth"]
-        result = {"family": family, "index": index, "truth": truth, "versions": self.versions}
+        result = {"family": family, "index": index, "truth": system["truth"], "versions": self.versions}
         try:
-            self.fly(folder, system)
-            report, wall, cpu, memory = self.diagnose(folder, "a")
             if "twin" in system["flights"]:
+                self.fly(folder, system, ["twin"])
                 result["twin"] = scoring.score_null(self.diagnose(folder, "twin")[0])
+            if family == "multi":
+                system = self.visible_system(folder, index, result["twin"]["stated"], system["truth"]["duration_s"])
+            truth = result["truth"] = system["truth"]
+            self.fly(folder, system, [name for name in system["flights"] if name != "twin"])
+            report, wall, cpu, memory = self.diagnose(folder, "a")
             errors = self.predictions(folder, truth, {
                 "nominal": None, "fitted": os.path.join(folder, "diagnosis_a", "model.yaml"),
                 "oracle": os.path.join(folder, "oracle.yaml")}) if truth["effects"] else None
             shown = scoring.read_table(os.path.join(folder, "shown_a.csv"))
             result["score"] = scoring.score(truth, report, errors, hidden.FIRST_START, shown)
-            if "twin" in result:
+            if family == "single":
                 result["score"]["multiple"] = scoring.stated_multiple(
                     truth["effects"][0], result["twin"]["stated"], truth["duration_s"], shown)
             result.update(wall_s=wall, cpu_s=cpu, memory_mib=memory)

@@ -24,7 +24,8 @@ SIZES = {"floor_tilt": ["slope_x"], "tether": ["stiffness_n_m"], "floor_vibratio
 # Documented sets that pose and command cannot separate: the tool may claim any of a set (docs/effects.md).
 SAME = ({"command_delay", "mocap_latency"},)
 THRUSTER_KINDS = ("thruster_efficiency", "thruster_dead", "thruster_leak", "thruster_misalignment")
-BEARING_M = 0.15  # from the geometric centre (docs/effects.md)
+BEARING_M, BEARINGS = 0.15, [math.radians(a) for a in (90, 210, 330)]  # from the geometric centre (docs/effects.md)
+STATED_PATCH_M = 0.3  # radius of the patch of which a report states the smallest coefficient
 VISIBLE = 2.0  # times the stated smallest size: from there on an effect counts as missed
 YAW_ARM = 0.15  # m: turns an error of yaw into one of position, at a bearing
 
@@ -79,7 +80,32 @@ def onset_errors(claim, effect, flight_start):
     return []
 
 
-def size_in_stated_terms(effect, parameter, flight_end):
+def rubbed(x, y, radius, shown):
+    """Metres that bearings go inside a circle, along rows with x, y and yaw."""
+    total, before = 0.0, {}
+    for row in shown:
+        for angle in BEARINGS:
+            at = row["x"] + BEARING_M * math.cos(row["yaw"] + angle), row["y"] + BEARING_M * math.sin(row["yaw"] + angle)
+            if math.hypot(at[0] - x, at[1] - y) < radius:
+                total += math.dist(before.get(angle, at), at)
+            before[angle] = at
+    return total
+
+
+def scatter(points):
+    """Root mean square distance of points from their mean."""
+    return math.sqrt(statistics.pvariance(p[0] for p in points) + statistics.pvariance(p[1] for p in points))
+
+
+def pull(tether, row):
+    """Force of a tether at a place, its damping aside [N]."""
+    away = row["x"] - tether["anchor_x_m"], row["y"] - tether["anchor_y_m"]
+    length = math.hypot(*away)
+    tension = tether["stiffness_n_m"] * max(0.0, length - tether["slack_m"])
+    return [-tension * a / length for a in away]
+
+
+def size_in_stated_terms(effect, parameter, flight_end, shown):
     """Size of a true effect in the terms in which a report states the smallest detectable one (docs/diagnosis.md)."""
     kind, true = effect["kind"], effect["parameters"]
     if kind == "thruster_dead":
@@ -93,28 +119,24 @@ def size_in_stated_terms(effect, parameter, flight_end):
     if kind == "airflow":
         return math.sqrt(statistics.fmean(value ** 2 for name in ("force_x_n", "force_y_n") for row in true[name]
                                           for value in row))
+    if kind == "tether":  # stated of one that is always taut: of which stiffness would such a one pull as differently?
+        return scatter([pull(true, row) for row in shown]) / scatter([(row["x"], row["y"]) for row in shown])
+    if kind == "friction_patch":  # stated of one where the robot was half-way; evidence grows with the way that is rubbed
+        half_way = shown[len(shown) // 2]
+        stated = rubbed(half_way["x"], half_way["y"], STATED_PATCH_M, shown)
+        return true["coefficient"] * math.sqrt(
+            rubbed(true["center_x_m"], true["center_y_m"], true["radius_m"], shown) / stated)
     neutral = NEUTRAL.get((kind, parameter), 0.0)
     return math.sqrt(sum((true[n] - neutral) ** 2 for n in VECTORS.get(kind) or (parameter,)))
 
 
 def stated_multiple(effect, stated_sizes, duration, shown):
     """Size of an effect in multiples of what a report states as the smallest detectable; None where it states none. `shown`: rows
-    with x and y of the flight; what did nothing there has size 0."""
+    with x, y and yaw of the flight."""
     stated = stated_sizes.get(effect["kind"])
     if not stated or not stated["value"]:
         return None
-    if not acts(effect, shown):
-        return 0.0
-    return size_in_stated_terms(effect, stated["parameter"], hidden.FIRST_START + duration) / abs(stated["value"])
-
-
-def acts(effect, shown):
-    """Whether an effect did anything in a flight: a rough place that no bearing touched did not."""
-    if effect["kind"] != "friction_patch":
-        return True
-    patch = effect["parameters"]
-    reach = patch["radius_m"] + BEARING_M
-    return any(math.hypot(row["x"] - patch["center_x_m"], row["y"] - patch["center_y_m"]) < reach for row in shown)
+    return size_in_stated_terms(effect, stated["parameter"], hidden.FIRST_START + duration, shown) / abs(stated["value"])
 
 
 def score_null(report):
