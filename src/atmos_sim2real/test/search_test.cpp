@@ -185,7 +185,8 @@ TEST(Search, CallsValvesThatOpenAndCloseAsLateLateCommands) {
   SearchOptions options;
   options.progress = [&](const std::string& line) { said.push_back(line); };
   const SearchResult found = search(flown.problem, library, options);
-  EXPECT_NE(std::find(said.begin(), said.end(), "accepted valve_delay"), said.end()) << "there is nothing to simplify";
+  EXPECT_NE(std::find(said.begin(), said.end(), "accepted valve_delay"), said.end())
+      << "there is nothing to simplify";
   ASSERT_EQ(found.final.effects.size(), 1u);
   ASSERT_EQ(kind_of(found.final.effects[0]), CommandDelay::kKind);
   EXPECT_NEAR(std::get<CommandDelay>(found.final.effects[0]).delay_s, 0.045, 0.002);
