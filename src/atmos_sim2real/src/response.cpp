@@ -204,41 +204,76 @@ double noise_of(const Recording& recording) {
   return 6.0 * sum.sum();
 }
 
-// Least squares for pushes of each thruster; rows of neighbouring instants overlap, which the deviations
-// heed.
-void observe(const std::vector<Instant>& all, Response& out) {
-  const auto n = static_cast<Eigen::Index>(out.stated.size());
+// What each thruster pushes, and how well that is known.
+struct Pushes {
+  std::vector<Eigen::Vector3d> mean, deviation;
+};
+
+// Least squares; rows of neighbouring instants overlap, which the deviations heed. Empty when no thruster was
+// opened.
+Pushes pushes_of(const Instant* begin, const Instant* end, std::size_t thrusters) {
+  const auto n = static_cast<Eigen::Index>(thrusters);
+  const auto rows = static_cast<double>(end - begin);
   const double overlap = 2.0 * kHalf / kStride;
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(2 * n, 2 * n), B = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd a = Eigen::VectorXd::Zero(2 * n), b = Eigen::VectorXd::Zero(n);
-  for (const Instant& at : all) {
+  for (const Instant* at = begin; at != end; ++at) {
     Eigen::MatrixXd row(2, 2 * n);
-    row << at.turned.row(0), -at.turned.row(1), at.turned.row(1), at.turned.row(0);
+    row << at->turned.row(0), -at->turned.row(1), at->turned.row(1), at->turned.row(0);
     A += row.transpose() * row;
-    a += row.transpose() * at.second_difference.head<2>();
-    B += at.turned.row(2).transpose() * at.turned.row(2);
-    b += at.turned.row(2).transpose() * (at.second_difference.z() / kArm);
+    a += row.transpose() * at->second_difference.head<2>();
+    B += at->turned.row(2).transpose() * at->turned.row(2);
+    b += at->turned.row(2).transpose() * (at->second_difference.z() / kArm);
   }
-  if (!(A.trace() > 0.0)) return;  // no thruster was opened at all
+  Pushes out;
+  if (!(A.trace() > 0.0)) return out;
   // A thruster that was never opened, or only ever with another, stays at a large deviation.
-  const double ridge = 1e-9 * static_cast<double>(all.size());
+  const double ridge = 1e-9 * rows;
   A += ridge * A.trace() / static_cast<double>(2 * n) * Eigen::MatrixXd::Identity(2 * n, 2 * n);
   B += ridge * B.trace() / static_cast<double>(n) * Eigen::MatrixXd::Identity(n, n);
   const Eigen::LDLT<Eigen::MatrixXd> solved_A(A), solved_B(B);
   const Eigen::VectorXd pushes = solved_A.solve(a), turns = solved_B.solve(b);
-  for (Eigen::Index k = 0; k < n; ++k) out.observed.push_back({pushes[k], pushes[n + k], turns[k]});
+  for (Eigen::Index k = 0; k < n; ++k) out.mean.push_back({pushes[k], pushes[n + k], turns[k]});
   Eigen::Vector2d squares = Eigen::Vector2d::Zero();
-  for (const Instant& at : all) {
-    const Eigen::Vector3d left = at.second_difference - predicted(at, out.observed);
+  for (const Instant* at = begin; at != end; ++at) {
+    const Eigen::Vector3d left = at->second_difference - predicted(*at, out.mean);
     squares += Eigen::Vector2d(left.head<2>().squaredNorm() / 2.0, left.z() * left.z() / (kArm * kArm));
   }
-  squares *= overlap / static_cast<double>(all.size());
+  squares *= overlap / rows;
   const Eigen::VectorXd variance_A =
       squares[0] * solved_A.solve(Eigen::MatrixXd::Identity(2 * n, 2 * n)).diagonal();
   const Eigen::VectorXd variance_B = squares[1] * solved_B.solve(Eigen::MatrixXd::Identity(n, n)).diagonal();
   for (Eigen::Index k = 0; k < n; ++k)
     out.deviation.push_back(
         Eigen::Vector3d(variance_A[k], variance_A[n + k], variance_B[k]).cwiseMax(0.0).cwiseSqrt());
+  return out;
+}
+
+// Stretch by stretch: a thruster that fails on the way leads those astray that fire with it ever after, but
+// only where both are taken for one. Stretches that disagree about a push leave it less certain.
+void observe(const std::vector<Instant>& all, Response& out) {
+  constexpr std::size_t kMostStretches = 4, kLeast = 200;  // instants: 20 s
+  const std::size_t thrusters = out.stated.size();
+  const std::size_t stretches = std::clamp<std::size_t>(all.size() / kLeast, 1, kMostStretches);
+  std::vector<Pushes> seen;
+  for (std::size_t s = 0; s < stretches; ++s) {
+    Pushes pushes = pushes_of(all.data() + all.size() * s / stretches,
+                              all.data() + all.size() * (s + 1) / stretches, thrusters);
+    if (!pushes.mean.empty()) seen.push_back(std::move(pushes));
+  }
+  if (seen.empty()) return;
+  for (std::size_t k = 0; k < thrusters; ++k) {
+    Eigen::Array3d weights = Eigen::Array3d::Zero(), mean = weights, scatter = weights;
+    const auto weight_of = [k](const Pushes& pushes) {
+      return pushes.deviation[k].array().max(1e-9).square().inverse().eval();
+    };
+    for (const Pushes& pushes : seen) weights += weight_of(pushes);
+    for (const Pushes& pushes : seen) mean += weight_of(pushes) * pushes.mean[k].array() / weights;
+    for (const Pushes& pushes : seen) scatter += weight_of(pushes) * (pushes.mean[k].array() - mean).square();
+    if (seen.size() > 1) scatter /= static_cast<double>(seen.size() - 1);
+    out.observed.push_back(mean);
+    out.deviation.push_back((scatter.max(1.0) / weights).sqrt());
+  }
 }
 
 Eigen::Vector3d scaled(const Eigen::Vector3d& push) { return {push.x(), push.y(), kArm * push.z()}; }

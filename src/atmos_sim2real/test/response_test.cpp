@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "synthetic.h"
 
 namespace atmos {
@@ -54,6 +56,28 @@ TEST(Response, EffectsOfTheVocabularyAreNoReasonToRefuse) {
   for (const Effect& effect : {Effect(delay), Effect(latency), Effect(coupling), Effect(dead), Effect(tilt),
                                Effect(friction), Effect(yaw), Effect(mass)})
     EXPECT_EQ(refusal_of(flown({effect})), "") << kind_of(effect);
+}
+
+TEST(Response, AThrusterThatFailsHalfWayLeadsNoOtherAstray) {
+  ThrusterDead dead;
+  dead.thruster = 2;
+  dead.since_s = kStart + 50.0;
+  // Each thruster by itself, in turn; after the failure 6 and 7 fire with the dead one alone, and half as
+  // long.
+  const std::array<std::array<std::size_t, 2>, 4> pairs = {{{2, 6}, {1, 5}, {2, 7}, {1, 8}}};
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 100.0, 3);
+  for (std::size_t k = 0; k < commands.size(); ++k) {
+    std::vector<double>& duty = commands[k].duty;
+    duty.assign(8, 0.0);
+    if (k < 500) {
+      const std::size_t thruster = (k / 3 * 5) % 8 + 1;
+      duty[thruster - 1] = thruster == 6 || thruster == 7 ? 0.3 : 0.9;
+    } else {
+      duty[pairs[k / 20 % 4][0] - 1] = 1.0;
+      duty[pairs[k / 20 % 4][1] - 1] = 0.5;
+    }
+  }
+  EXPECT_EQ(refusal_of(clean_recording(fly(nominal_vehicle(), {dead}, commands, 4).recording, 8)), "");
 }
 
 TEST(Response, ClocksSecondsApartAreRefusedWithTheShift) {
