@@ -16,6 +16,7 @@
 #include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
 #include "atmos_sim2real/patch.h"
+#include "atmos_sim2real/simpler_form.h"
 
 namespace atmos {
 
@@ -509,34 +510,24 @@ void move_to_end(std::vector<Claim>& claims, std::size_t index) {
   std::rotate(claim, claim + 1, claims.end());
 }
 
-// Valves that open as late as they close are late commands, and are called so where that explains the flights
-// as well: the others stay as they are, from where a fit without the delay would lead them away. Whether it
-// was so.
-bool simplify_delay(const Problem& problem, const std::vector<Hypothesis>& library, Fit& current,
-                    std::vector<Claim>& claims, const SearchOptions& options) {
-  const auto commands = std::find_if(library.begin(), library.end(), [](const Hypothesis& hypothesis) {
-    return hypothesis.kind == CommandDelay::kKind;
-  });
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    const auto* valves = std::get_if<ValveDelay>(&current.effects[i]);
-    if (valves == nullptr || commands == library.end() || is_claimed(claims, *commands)) continue;
-    Screened at;
-    at.start.effect = CommandDelay{{}, 0.5 * (valves->open_s + valves->close_s)};
-    Fit rest = current;
-    rest.take_out(i);
-    Fit simpler = with(rest, *commands, at);
-    simpler = fit(problem, std::move(simpler.effects), std::move(simpler.free), current.noise);
-    const double more =
-        simpler.evidence - choices_of(*commands) - current.evidence + choices_of(claims[i].hypothesis);
-    if (more < 0.0) continue;
-    options.progress("  " + label(*commands) + " says the same as " + label(claims[i].hypothesis));
-    current = std::move(simpler);
-    claims[i].hypothesis = *commands;
-    claims[i].rival_reference += more;
+// Names effects by their simpler forms (simpler_form.h). Whether one was renamed.
+bool simplify(const Problem& problem, const std::vector<Hypothesis>& library, Fit& current,
+              std::vector<Claim>& claims, const SearchOptions& options) {
+  bool renamed = false;
+  for (std::size_t i = 0; i < claims.size();) {
+    std::optional<SimplerForm> form = simpler_form(problem, current, i, claims[i].hypothesis, library);
+    if (!form || is_claimed(claims, form->hypothesis)) {
+      ++i;
+      continue;
+    }
+    options.progress("  " + label(form->hypothesis) + " says the same as " + label(claims[i].hypothesis));
+    current = std::move(form->fit);
+    claims[i].hypothesis = std::move(form->hypothesis);
+    claims[i].rival_reference += form->gain;
     move_to_end(claims, i);
-    return true;
+    renamed = true;
   }
-  return false;
+  return renamed;
 }
 
 // An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
@@ -689,7 +680,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     drop_needless(problem, current, claims, refused, looseness, options);
     without_each = leave_one_out(problem, current, result.nominal);
   }
-  if (simplify_delay(problem, library, current, claims, options))
+  if (simplify(problem, library, current, claims, options))
     without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <optional>
 
+#include "atmos_sim2real/simpler_form.h"
 #include "synthetic.h"
 
 namespace atmos {
@@ -30,7 +32,8 @@ struct Flown {
     std::vector<FreeParameter> free;
     for (std::size_t i = 0; i < effects.size(); ++i) {
       for (const Hypothesis& hypothesis : hypotheses(vehicle, flights)) {
-        if (hypothesis.kind != kind_of(effects[i])) continue;
+        if (hypothesis.kind != kind_of(effects[i]) || hypothesis.thruster != thruster_of(effects[i]))
+          continue;
         for (const FreeParameter& parameter : at_effect(hypothesis.free, i)) free.push_back(parameter);
       }
     }
@@ -164,32 +167,47 @@ std::vector<std::string> named_by(Flown& flown) {
   return kinds;
 }
 
+// The simpler form of a fitted effect, if it has one.
+std::optional<Effect> simpler(Flown& flown, const Effect& effect) {
+  const std::vector<Hypothesis> library = hypotheses(flown.vehicle, flown.flights);
+  const auto claimed = std::find_if(library.begin(), library.end(), [&](const Hypothesis& hypothesis) {
+    return hypothesis.kind == kind_of(effect) && hypothesis.thruster == thruster_of(effect);
+  });
+  const auto form = simpler_form(flown.problem, flown.fitted({effect}), 0, *claimed, library);
+  if (!form) return std::nullopt;
+  return form->fit.effects.back();
+}
+
+TEST(SimplerForm, ValvesThatOpenAsLateAsTheyCloseAreLateCommands) {
+  Flown late({CommandDelay{{}, 0.045}}, 40.0, 51);
+  const auto delay = simpler(late, ValveDelay{{}, 0.04, 0.05});
+  ASSERT_TRUE(delay && std::holds_alternative<CommandDelay>(*delay));
+  EXPECT_NEAR(std::get<CommandDelay>(*delay).delay_s, 0.045, 0.001);
+  Flown valves({ValveDelay{{}, 0.009, 0.017}}, 40.0, 52);
+  EXPECT_FALSE(simpler(valves, ValveDelay{{}, 0.009, 0.017}));
+}
+
+TEST(SimplerForm, AThrusterWithoutThrustIsDead) {
+  ThrusterDead dead;
+  dead.thruster = 5;
+  ThrusterEfficiency weak;
+  weak.thruster = 5;
+  weak.factor = 0.05;
+  Flown without({dead}, 40.0, 61);
+  const auto form = simpler(without, weak);
+  ASSERT_TRUE(form && std::holds_alternative<ThrusterDead>(*form));
+  EXPECT_EQ(std::get<ThrusterDead>(*form).thruster, 5);
+  weak.factor = 0.1;
+  Flown weakly({weak}, 40.0, 62);
+  EXPECT_FALSE(simpler(weakly, weak));
+}
+
 TEST(Search, NamesClockAndValvesTogether) {
   Flown flown({ValveDelay{{}, 0.009, 0.017}}, 60.0, 2);
   Recording skewed = flown.flights.front().recording();
   for (PoseSample& pose : skewed.poses) pose.time_s = kStart + (pose.time_s - kStart) * (1.0 - 2e-3);
   flown.flights.front() = Flight(skewed);
   EXPECT_EQ(named_by(flown), (std::vector<std::string>{"clock_skew", "valve_delay"}));
-}
-
-TEST(Search, CallsValvesThatOpenAndCloseAsLateLateCommands) {
-  Flown flown({CommandDelay{{}, 0.045}}, 60.0, 51);
-  std::vector<Hypothesis> library;
-  for (Hypothesis hypothesis : hypotheses(flown.vehicle, flown.flights)) {
-    // From no delay at all, commands are not seen to be so late: the valves are named first.
-    if (hypothesis.kind == CommandDelay::kKind) hypothesis.starts.resize(1);
-    if (hypothesis.kind == CommandDelay::kKind || hypothesis.kind == ValveDelay::kKind)
-      library.push_back(hypothesis);
-  }
-  std::vector<std::string> said;
-  SearchOptions options;
-  options.progress = [&](const std::string& line) { said.push_back(line); };
-  const SearchResult found = search(flown.problem, library, options);
-  EXPECT_NE(std::find(said.begin(), said.end(), "accepted valve_delay"), said.end())
-      << "there is nothing to simplify";
-  ASSERT_EQ(found.final.effects.size(), 1u);
-  ASSERT_EQ(kind_of(found.final.effects[0]), CommandDelay::kKind);
-  EXPECT_NEAR(std::get<CommandDelay>(found.final.effects[0]).delay_s, 0.045, 0.002);
 }
 
 TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
