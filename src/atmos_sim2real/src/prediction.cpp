@@ -15,6 +15,26 @@ namespace {
 
 constexpr double kRow = 0.1;  // s between the rows of a window
 
+// The effects with a phase that a vibration may have in this recording.
+struct Phase {
+  std::vector<Effect> effects;
+  double handicap;  // nats that speak against it beforehand
+};
+
+std::vector<Phase> phases_of(const std::vector<Effect>& effects) {
+  constexpr int kPhases = 12;
+  constexpr double kAnother = 5.0;  // nats
+  std::vector<Phase> phases{{effects, 0.0}};
+  for (std::size_t i = 0; i < effects.size(); ++i) {
+    if (!std::holds_alternative<FloorVibration>(effects[i])) continue;
+    for (int k = 1; k < kPhases; ++k) {
+      phases.push_back({effects, kAnother});
+      std::get<FloorVibration>(phases.back().effects[i]).phase_rad += k * 2.0 * M_PI / kPhases;
+    }
+  }
+  return phases;
+}
+
 }  // namespace
 
 std::vector<WindowStart> read_window_starts(const std::string& path) {
@@ -46,34 +66,39 @@ std::vector<WindowStart> read_window_starts(const std::string& path) {
 }
 
 OpenLoop::OpenLoop(const Recording& recording, const Vehicle& vehicle, const std::vector<Effect>& effects)
-    : recording_(recording), plant_(vehicle, effects, recording.start_s()) {
+    : recording_(recording) {
   // White noise from the first second; the rest of the recording is not looked at.
   Recording beginning = recording;
   beginning.poses.resize(std::min<std::size_t>(beginning.poses.size(), 120));
   NoiseModel noise = initial_noise({Flight(beginning)});
   for (const double slow : {2e-4, 1e-3, 5e-3, 2.5e-2}) {
     noise.slow = {slow, slow, 5.0 * slow};
-    Flight flight(recording);
-    flight.track(plant_, noise);
-    Track track;
-    const ForceIntegrals forces = flight.integrate(plant_, &track.hidden);
-    const std::size_t n = flight.frames();
-    track.log_likelihood.assign(n, 0.0);
-    const auto whiteners = flight.whiteners(noise);
-    for (std::size_t axis = 0; axis < kAxes; ++axis) {
-      const Whitener& whitener = (*whiteners)[axis];
-      std::vector<double> e(n);
-      whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), e.data());
-      double total = 0.0;
-      for (std::size_t i = 0; i < n; ++i) {
-        total -= 0.5 * e[i] * e[i] + whitener.log_deviation(i);
-        track.log_likelihood[i] += total;
-      }
-    }
-    track.motion = flight.motion();
-    tracks_.push_back(std::move(track));
-    times_ = flight.times();
+    for (const Phase& phase : phases_of(effects))
+      add_track(Plant(vehicle, phase.effects, recording.start_s()), noise, phase.handicap);
   }
+}
+
+void OpenLoop::add_track(Plant plant, const NoiseModel& noise, double handicap) {
+  Flight flight(recording_);
+  flight.track(plant, noise);
+  Track track{std::move(plant), {}, {}, {}};
+  const ForceIntegrals forces = flight.integrate(track.plant, &track.hidden);
+  const std::size_t n = flight.frames();
+  track.log_likelihood.assign(n, -handicap);
+  const auto whiteners = flight.whiteners(noise);
+  for (std::size_t axis = 0; axis < kAxes; ++axis) {
+    const Whitener& whitener = (*whiteners)[axis];
+    std::vector<double> e(n);
+    whitener.whiten(forces.measured[axis].data(), forces.dv[axis].data(), forces.dp[axis].data(), e.data());
+    double total = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      total -= 0.5 * e[i] * e[i] + whitener.log_deviation(i);
+      track.log_likelihood[i] += total;
+    }
+  }
+  track.motion = flight.motion();
+  tracks_.push_back(std::move(track));
+  times_ = flight.times();
 }
 
 const OpenLoop::Track& OpenLoop::best_at(std::size_t frame) const {
@@ -98,20 +123,23 @@ std::vector<WindowStart> OpenLoop::window_starts(double horizon_s) const {
 }
 
 std::vector<PredictedPose> OpenLoop::predict(const std::vector<WindowStart>& starts, double horizon_s) const {
-  ValveSchedule valves(plant_.thruster_count(), plant_.properties().timing);
+  const Plant& any = tracks_.front().plant;  // valves know of no phase
+  ValveSchedule valves(any.thruster_count(), any.properties().timing);
   for (const ThrusterCommand& command : recording_.commands) valves.add(command);
   const int rows = static_cast<int>(std::lround(horizon_s / kRow));
   std::vector<PredictedPose> predicted;
   for (const WindowStart& start : starts) {
     const std::size_t frame = frame_before(start.stamp_s);
+    const Track& track = best_at(frame);
+    const Plant& plant = track.plant;
     PlantState state;
-    state.time_s = vehicle_time(plant_, start.stamp_s);
-    state.body = plant_.from_measured(start.shown);
-    state.hidden = best_at(frame).hidden[frame];
+    state.time_s = vehicle_time(plant, start.stamp_s);
+    state.body = plant.from_measured(start.shown);
+    state.hidden = track.hidden[frame];
     for (int row = 1; row <= rows; ++row) {
       const double stamp = start.stamp_s + row * kRow;
-      advance(plant_, valves, vehicle_time(plant_, stamp), state);
-      const PlanarState<double> shown = plant_.measured(state.body);
+      advance(plant, valves, vehicle_time(plant, stamp), state);
+      const PlanarState<double> shown = plant.measured(state.body);
       predicted.push_back({start.stamp_s, stamp, shown.p_WC.x(), shown.p_WC.y(), shown.yaw});
     }
   }

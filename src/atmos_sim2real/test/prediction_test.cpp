@@ -78,6 +78,31 @@ TEST(Predict, ReadsNoPoseAfterItsStart) {
   for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_DOUBLE_EQ(rows[i].x_m, again[i].x_m);
 }
 
+TEST(Predict, FindsThePhaseThatAVibrationHasInThisRecording) {
+  const Vehicle vehicle = nominal_vehicle();
+  FloorVibration swing;
+  swing.amplitude_n = 0.3;
+  swing.frequency_hz = 0.7;
+  swing.phase_rad = 2.0;
+  const SyntheticFlight flight = fly(vehicle, {swing}, pulse_commands(kStart, 40.0, 39), 40);
+  const Plant plant(vehicle, {swing}, kStart);
+  std::vector<WindowStart> starts;  // over a period
+  for (std::size_t frame = 2000; frame < 2140; frame += 10) starts.push_back(start_at(flight, plant, frame));
+  const auto predicted = [&](const std::vector<Effect>& effects) {
+    return OpenLoop(flight.recording, vehicle, effects).predict(starts, 5.0);
+  };
+  const auto right = predicted({swing});
+  const auto strays = [&](const std::vector<Effect>& effects) {
+    const auto rows = predicted(effects);
+    double squares = 0.0;
+    for (std::size_t i = 0; i < rows.size(); ++i) squares += std::pow(rows[i].x_m - right[i].x_m, 2);
+    return std::sqrt(squares);
+  };
+  FloorVibration fitted = swing;
+  fitted.phase_rad = -1.0;  // half a turn and 8 degrees away: a seventh of the force is left
+  EXPECT_LT(strays({fitted}), 0.2 * strays({}));
+}
+
 TEST(EstimateWindowStarts, AreCausalAndNearTheTruth) {
   const Vehicle vehicle = nominal_vehicle();
   const SyntheticFlight flight = fly(vehicle, {}, pulse_commands(kStart, 30.0, 37), 38);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "atmos_model/plant.h"
 #include "atmos_sim2real/flight.h"
 
 namespace atmos {
@@ -25,7 +26,8 @@ struct PredictedPose {
 std::vector<WindowStart> read_window_starts(const std::string& path);
 
 // Predicts one recording under one model. What a window starts from is estimated from commands and poses
-// stamped up to its start alone.
+// stamped up to its start alone; so is the phase of a vibration where the model's, which belongs to the
+// recording it was fitted to, does not hold.
 class OpenLoop {
  public:
   // The recording must outlive it.
@@ -37,18 +39,20 @@ class OpenLoop {
   std::vector<PredictedPose> predict(const std::vector<WindowStart>& starts, double horizon_s) const;
 
  private:
-  // A filter with a certain trust in the model. Several run side by side; at any frame the one that has
-  // predicted best so far counts.
+  // A filter with a certain trust in the model, and with a phase. Several run side by side; at any frame the
+  // one that has predicted best so far counts.
   struct Track {
+    Plant plant;
     std::vector<PlanarState<double>> motion;
     std::vector<VecX<double>> hidden;
-    std::vector<double> log_likelihood;  // up to each frame
+    std::vector<double> log_likelihood;  // up to each frame, less the handicap
   };
   const Track& best_at(std::size_t frame) const;
   std::size_t frame_before(double stamp) const;
 
+  void add_track(Plant plant, const NoiseModel& noise, double handicap);
+
   const Recording& recording_;
-  Plant plant_;
   std::vector<double> times_;
   std::vector<Track> tracks_;
 };
