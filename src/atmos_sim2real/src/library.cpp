@@ -137,7 +137,7 @@ Hypothesis late() {
 // Pulses that are shorter than the delay of opening vanish, which no slope at zero delay tells.
 Hypothesis valve_delay() {
   Hypothesis hypothesis = simple(
-      ValveDelay{}, {free_scalar("open_s", 0.0, 0.015, 5e-4), free_scalar("close_s", 0.0, 0.015, 5e-4)});
+      ValveDelay{}, {free_scalar("open_s", 0.0, 0.015, 2e-5), free_scalar("close_s", 0.0, 0.015, 2e-5)});
   for (const double shorter : {0.002, 0.006}) {
     for (const double longer : {0.004, 0.012}) {
       for (const auto& [open, close] : {std::pair(shorter, longer), std::pair(longer, shorter)}) {

@@ -147,6 +147,23 @@ TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
 
 // A law that contains a named effect must not be believed more readily of a large one: a drag of
 // 18 N s2/m2 was once called a power of the speed with an exponent of 0.501.
+TEST(Library, ValvesThatSwallowPulsesAreMovedInFineSteps) {
+  // Pulses of 2 to 10 ms: later opening swallows some, later closing brings them back, and a slope over many
+  // of them does not say what both together do.
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 40.0, 71);
+  for (ThrusterCommand& command : commands) {
+    for (double& duty : command.duty) duty *= 0.1;
+  }
+  const ValveDelay valves{{}, 0.0081, 0.0034}, later{{}, 0.0082, 0.0035};
+  Flown flown(commands, 72, {valves});
+  const Fit fit = flown.fitted({valves});
+  const Fit now = evaluate(flown.problem, {valves}, fit.free, fit.noise);
+  const Eigen::VectorXd slope = linearisation_of(flown.problem, now)->columns[0].rowwise().sum();
+  const Eigen::VectorXd moved =
+      (evaluate(flown.problem, {later}, {}, fit.noise).innovations[0] - now.innovations[0]) / 1e-4;
+  EXPECT_LT((slope - moved).norm(), 0.3 * moved.norm());
+}
+
 TEST(Library, ADragIsAsPlausibleAsTheLawThatContainsIt) {
   Flown flown({}, 10.0, 41);
   double named = 0.0, of_law = 0.0;
