@@ -513,10 +513,11 @@ void move_to_end(std::vector<Claim>& claims, std::size_t index) {
 // Names effects by their simpler forms (simpler_form.h). Whether one was renamed.
 bool simplify(const Problem& problem, const std::vector<Hypothesis>& library, Fit& current,
               std::vector<Claim>& claims, const SearchOptions& options) {
+  const std::vector<Hypothesis> open = unclaimed(library, claims);
   bool renamed = false;
   for (std::size_t i = 0; i < claims.size();) {
-    std::optional<SimplerForm> form = simpler_form(problem, current, i, claims[i].hypothesis, library);
-    if (!form || is_claimed(claims, form->hypothesis)) {
+    std::optional<SimplerForm> form = simpler_form(problem, current, i, claims[i].hypothesis, open);
+    if (!form) {
       ++i;
       continue;
     }

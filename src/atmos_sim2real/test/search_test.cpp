@@ -145,8 +145,6 @@ TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
   EXPECT_NO_THROW(Plant(flown.vehicle, effects, kStart));
 }
 
-// A law that contains a named effect must not be believed more readily of a large one: a drag of
-// 18 N s2/m2 was once called a power of the speed with an exponent of 0.501.
 TEST(Library, ValvesThatSwallowPulsesAreMovedInFineSteps) {
   // Pulses of 2 to 10 ms: later opening swallows some, later closing brings them back, and a slope over many
   // of them does not say what both together do.
@@ -164,6 +162,8 @@ TEST(Library, ValvesThatSwallowPulsesAreMovedInFineSteps) {
   EXPECT_LT((slope - moved).norm(), 0.3 * moved.norm());
 }
 
+// A law that contains a named effect must not be believed more readily of a large one: a drag of
+// 18 N s2/m2 was once called a power of the speed with an exponent of 0.501.
 TEST(Library, ADragIsAsPlausibleAsTheLawThatContainsIt) {
   Flown flown({}, 10.0, 41);
   double named = 0.0, of_law = 0.0;
