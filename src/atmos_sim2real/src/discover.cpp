@@ -13,8 +13,8 @@ namespace atmos {
 
 namespace {
 
-constexpr std::size_t kResponse = 400;  // frames: 4 s, by which the filter has forgotten a jump
-constexpr std::size_t kStride = 5;      // frames between places at which a jump is tried
+constexpr std::size_t kResponse = 200;  // frames: 4 s, by which the filter has forgotten a jump
+constexpr std::size_t kStride = 2;      // frames between places at which a jump is tried
 constexpr std::size_t kMostEvents = 12;
 
 struct Jump {
@@ -34,7 +34,7 @@ Jump best_jump(const Flight& flight, std::size_t index, const std::vector<Whiten
     const std::size_t at = k * kStride;
     Jump& jump = found[k];
     jump = {index, at, 0.0, {0, 0, 0}};
-    if (at < Whitener::kBurnIn || at + 20 >= n) return;
+    if (at < Whitener::kBurnIn || at + 10 >= n) return;
     std::vector<double> h(kResponse);
     for (int axis = 0; axis < kAxes; ++axis) {
       const std::size_t count =
@@ -64,6 +64,22 @@ double event_threshold(const std::vector<Flight>& flights, double least_gain) {
   return least_gain + std::log(searched);
 }
 
+void sort_by_time(std::vector<ImpulseEvent>& events) {
+  std::sort(events.begin(), events.end(),
+            [](const ImpulseEvent& a, const ImpulseEvent& b) { return a.time_s < b.time_s; });
+}
+
+std::vector<FreeParameter> free_pushes(const std::vector<ImpulseEvent>& events, std::size_t effect) {
+  std::vector<FreeParameter> free;
+  for (std::size_t k = 0; k < events.size(); ++k) {
+    free.push_back({effect, "events", 4 * k, events[k].time_s, 0.2, 4e-3});
+    free.push_back({effect, "events", 4 * k + 1, 0.0, 0.5, 1e-3});
+    free.push_back({effect, "events", 4 * k + 2, 0.0, 0.5, 1e-3});
+    free.push_back({effect, "events", 4 * k + 3, 0.0, 0.05, 1e-4});
+  }
+  return free;
+}
+
 }  // namespace
 
 double smallest_push(const Problem& problem, const Fit& fit, double least_gain) {
@@ -73,7 +89,7 @@ double smallest_push(const Problem& problem, const Fit& fit, double least_gain) 
     const double mass = problem.plant(fit.effects, f).properties().mass_kg;
     const auto whiteners = flight.whiteners(fit.noise);
     std::vector<double> h(kResponse);
-    for (std::size_t at = kResponse; at + kResponse < flight.frames(); at += 100) {
+    for (std::size_t at = kResponse; at + kResponse < flight.frames(); at += 50) {
       const std::size_t count = (*whiteners)[kX].step_response(at, kResponse, h.data());
       double power = 1e-300;
       for (std::size_t j = 0; j < count; ++j) power += h[j] * h[j];
@@ -114,21 +130,74 @@ std::vector<Hypothesis> find_events(const Problem& problem, const Fit& fit, doub
     }
   }
   if (impulse.events.empty()) return {};
-  std::sort(impulse.events.begin(), impulse.events.end(),
-            [](const ImpulseEvent& a, const ImpulseEvent& b) { return a.time_s < b.time_s; });
+  sort_by_time(impulse.events);
 
   Hypothesis hypothesis;
   hypothesis.kind = ExternalImpulse::kKind;
   hypothesis.local = true;
   hypothesis.starts.push_back({impulse, {}});
   hypothesis.penalty = (threshold - least_gain) * static_cast<double>(impulse.events.size());
-  for (std::size_t k = 0; k < impulse.events.size(); ++k) {
-    hypothesis.free.push_back({0, "events", 4 * k, impulse.events[k].time_s, 0.2, 4e-3});
-    hypothesis.free.push_back({0, "events", 4 * k + 1, 0.0, 0.5, 1e-3});
-    hypothesis.free.push_back({0, "events", 4 * k + 2, 0.0, 0.5, 1e-3});
-    hypothesis.free.push_back({0, "events", 4 * k + 3, 0.0, 0.05, 1e-4});
-  }
+  hypothesis.free = free_pushes(impulse.events, 0);
   return {hypothesis};
+}
+
+namespace {
+
+// The model with other pushes, of which the present numbers are the start; not fitted.
+Fit with_pushes(const Fit& fit, std::size_t index, std::vector<ImpulseEvent> events) {
+  Fit other;
+  other.effects = fit.effects;
+  other.noise = fit.noise;
+  for (const FreeParameter& free : fit.free) {
+    if (free.effect != index) other.free.push_back(free);
+  }
+  sort_by_time(events);
+  const auto after = std::find_if(other.free.begin(), other.free.end(),
+                                  [&](const FreeParameter& free) { return free.effect > index; });
+  const std::vector<FreeParameter> free = free_pushes(events, index);
+  other.free.insert(after, free.begin(), free.end());
+  std::get<ExternalImpulse>(other.effects[index]).events = std::move(events);
+  return other;
+}
+
+Fit fitted(const Problem& problem, Fit start) {
+  return fit(problem, std::move(start.effects), std::move(start.free), start.noise, FitEffort::kQuick);
+}
+
+}  // namespace
+
+std::optional<Fit> with_pushes_again(const Problem& problem, const Fit& current, std::size_t index,
+                                     double least_gain) {
+  const double threshold = event_threshold(*problem.flights, least_gain);
+  const auto pushes = [index](const Fit& fit) {
+    return std::get<ExternalImpulse>(fit.effects[index]).events;
+  };
+  std::optional<Fit> changed;
+  if (const auto more = find_events(problem, current, least_gain); !more.empty()) {
+    std::vector<ImpulseEvent> all = pushes(current);
+    const auto& found = std::get<ExternalImpulse>(more.front().starts.front().effect).events;
+    all.insert(all.end(), found.begin(), found.end());
+    Fit extended = fitted(problem, with_pushes(current, index, std::move(all)));
+    if (extended.evidence - more.front().penalty > current.evidence) changed = std::move(extended);
+  }
+  for (;;) {
+    const Fit& present = changed ? *changed : current;
+    const std::vector<ImpulseEvent> events = pushes(present);
+    if (events.size() < 2) return changed;
+    std::vector<Fit> without;
+    for (std::size_t k = 0; k < events.size(); ++k) {
+      std::vector<ImpulseEvent> rest = events;
+      rest.erase(rest.begin() + static_cast<long>(k));
+      Fit start = with_pushes(present, index, std::move(rest));
+      start = evaluate(problem, std::move(start.effects), std::move(start.free), start.noise);
+      without.push_back(refine(problem, std::move(start), 2));
+    }
+    Fit& best = *std::max_element(without.begin(), without.end(), [](const Fit& a, const Fit& b) {
+      return a.log_likelihood < b.log_likelihood;
+    });
+    if (present.log_likelihood - best.log_likelihood > threshold) return changed;
+    changed = fitted(problem, std::move(best));
+  }
 }
 
 namespace {

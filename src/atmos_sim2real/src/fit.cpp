@@ -500,7 +500,7 @@ void add_covariance(const Problem& problem, Fit& fit) {
   // From blocks: honest about correlation that the residual has left. A block's own part in the fit made its
   // residual smaller; of many parameters, as maps have, blocks are too few to say so.
   Eigen::MatrixXd meat = prior;
-  constexpr Eigen::Index kBlock = 500;  // frames: 5 s
+  constexpr Eigen::Index kBlock = 250;  // frames: about 5 s
   constexpr Eigen::Index kMany = 40;    // parameters
   for (std::size_t f = 0; f < fit.innovations.size(); ++f) {
     const Eigen::MatrixXd& J = linearisation->columns[f];

@@ -58,6 +58,37 @@ void smooth_axis(const std::vector<double>& times, const std::vector<double>& me
   }
 }
 
+// Means of consecutive poses, so many that about 50 a second remain; never over more than the time that these
+// take, so that a gap stays one.
+std::vector<PoseSample> averaged(const std::vector<PoseSample>& poses) {
+  const double kFrame =
+      getenv("KFRAME") ? atof(getenv("KFRAME")) : 0.02;  // s: a push bends the motion by microns meanwhile
+  if (poses.size() < 2) return poses;
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < poses.size(); ++i) steps.push_back(poses[i].time_s - poses[i - 1].time_s);
+  const auto middle = steps.begin() + static_cast<long>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  const double step = *middle;
+  const auto together = static_cast<std::size_t>(kFrame / step + 0.25);
+  if (together < 2) return poses;
+  const double longest = (static_cast<double>(together) + 0.5) * step;
+  std::vector<PoseSample> means;
+  for (std::size_t begin = 0, end = 0; begin < poses.size(); begin = end) {
+    PoseSample sum{0.0, 0.0, 0.0, 0.0};
+    const PoseSample& first = poses[begin];
+    for (; end < poses.size() && end - begin < together && poses[end].time_s - first.time_s < longest;
+         ++end) {
+      sum.time_s += poses[end].time_s - first.time_s;
+      sum.x_m += poses[end].x_m;
+      sum.y_m += poses[end].y_m;
+      sum.yaw_rad += poses[end].yaw_rad;
+    }
+    const auto n = static_cast<double>(end - begin);
+    means.push_back({first.time_s + sum.time_s / n, sum.x_m / n, sum.y_m / n, sum.yaw_rad / n});
+  }
+  return means;
+}
+
 }  // namespace
 
 double vehicle_time(const Plant& plant, double stamp) {
@@ -89,8 +120,13 @@ bool Path::Key::operator==(const Key& other) const {
          com_to_marker == other.com_to_marker && yaw_offset_rad == other.yaw_offset_rad;
 }
 
-Flight::Flight(Recording recording) : recording_(std::move(recording)) {
-  for (const PoseSample& pose : recording_.poses) {
+Flight::Flight(Recording recording) : Flight(recording, averaged(recording.poses)) {}
+
+Flight Flight::of_every_pose(Recording recording) { return Flight(recording, recording.poses); }
+
+Flight::Flight(Recording recording, std::vector<PoseSample> frames)
+    : recording_(std::move(recording)), poses_(std::move(frames)) {
+  for (const PoseSample& pose : poses_) {
     times_.push_back(pose.time_s);
     PlanarState<double> state;
     state.p_WC = {pose.x_m, pose.y_m};
@@ -113,7 +149,7 @@ PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
 }
 
 std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
-  constexpr double kLongest = 0.02;  // s: a lost frame must not hide how the force changes on the way
+  constexpr double kLongest = 0.025;  // s: a lost frame must not hide how the force changes on the way
   const PlantProperties& properties = plant.properties();
   const bool hidden_states = plant.hidden_size() > 1;
   const Path::Key key{properties.timing,
@@ -136,7 +172,7 @@ Path Flight::make_path(const Plant& plant, const Path::Key& key) const {
   for (std::size_t i = 0; i < n; ++i) {
     instants[i] = vehicle_time(plant, times_[i]);
     PlanarState<double> shown;
-    const PoseSample& pose = recording_.poses[i];
+    const PoseSample& pose = poses_[i];
     shown.p_WC = {pose.x_m, pose.y_m};
     shown.yaw = pose.yaw_rad;
     const PlanarState<double> state = plant.from_measured(shown);

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace atmos {
 
@@ -56,6 +57,14 @@ VectorXd heights_of(const VectorXd& shape, const Lattice& lattice, MatrixXd* jac
   return heights;
 }
 
+// Whether a hill is narrower than a lattice can show.
+bool finer_than(double spacing_m, const VectorXd& shape) {
+  for (Index h = kSlopes; h < shape.size(); h += kPerHill) {
+    if (shape[h + 3] < std::log(spacing_m)) return true;
+  }
+  return false;
+}
+
 struct Shape {
   VectorXd numbers;
   double evidence;  // nats over `NodeLikelihood::at`
@@ -98,6 +107,7 @@ class HillSearch {
     const VectorXd mean = prior_.mean(numbers.size()), deviation = prior_.deviation(numbers.size());
     const VectorXd weight = deviation.cwiseAbs2().cwiseInverse();
     const auto objective = [&](const VectorXd& at) {
+      if (finer_than(lattice_.grid.spacing_m, at)) return -std::numeric_limits<double>::infinity();
       return likelihood_.gain(heights_of(at, lattice_)) - 0.5 * (at - mean).cwiseAbs2().dot(weight);
     };
     MatrixXd J, H;
@@ -139,11 +149,13 @@ class HillSearch {
     double best = -1.0;
     VectorXd found(numbers.size() + kPerHill);
     found.head(numbers.size()) = numbers;
+    const std::vector<Eigen::Vector2d> places = places_to_try();
     for (const double width : {0.25, 0.4, 0.6, 0.9}) {
-      MatrixXd bells(lattice_.nodes(), lattice_.nodes());
-      for (std::size_t c = 0; c < lattice_.nodes(); ++c) {
+      if (width < lattice_.grid.spacing_m) continue;
+      MatrixXd bells(lattice_.nodes(), places.size());
+      for (std::size_t c = 0; c < places.size(); ++c) {
         VectorXd one = VectorXd::Zero(kSlopes + kPerHill);
-        one.tail<kPerHill>() << lattice_.place(c), 1.0, std::log(width);
+        one.tail<kPerHill>() << places[c], 1.0, std::log(width);
         bells.col(static_cast<Index>(c)) = heights_of(one, lattice_);
       }
       const MatrixXd pushed = information * bells;
@@ -152,11 +164,22 @@ class HillSearch {
         const double slope = bells.col(c).dot(gradient);
         if (slope * slope / weight <= best) continue;
         best = slope * slope / weight;
-        found.tail<kPerHill>() << lattice_.place(static_cast<std::size_t>(c)), slope / weight,
-            std::log(width);
+        found.tail<kPerHill>() << places[static_cast<std::size_t>(c)], slope / weight, std::log(width);
       }
     }
     return found;
+  }
+
+  // Nodes about as far apart as the narrowest hill is wide.
+  std::vector<Eigen::Vector2d> places_to_try() const {
+    constexpr double kApart = 0.3;  // m
+    const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(kApart / lattice_.grid.spacing_m)));
+    std::vector<Eigen::Vector2d> places;
+    for (std::size_t row = 0; row < lattice_.rows; row += stride) {
+      for (std::size_t column = 0; column < lattice_.columns; column += stride)
+        places.push_back(lattice_.place(row * lattice_.columns + column));
+    }
+    return places;
   }
 
   static VectorXd without(const VectorXd& numbers, Index hill) {

@@ -32,7 +32,7 @@ NoiseModel initial_noise(const std::vector<Flight>& flights) {
   for (int axis = 0; axis < kAxes; ++axis) {
     std::vector<double> differences;
     for (const Flight& flight : flights) {
-      const auto& poses = flight.recording().poses;
+      const auto& poses = flight.poses();
       const auto value = [&](std::size_t i) {
         return axis == kX ? poses[i].x_m : axis == kY ? poses[i].y_m : poses[i].yaw_rad;
       };

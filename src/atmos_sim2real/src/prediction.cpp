@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 
@@ -70,16 +72,23 @@ OpenLoop::OpenLoop(const Recording& recording, const Vehicle& vehicle, const std
   // White noise from the first second; the rest of the recording is not looked at.
   Recording beginning = recording;
   beginning.poses.resize(std::min<std::size_t>(beginning.poses.size(), 120));
-  NoiseModel noise = initial_noise({Flight(beginning)});
-  for (const double slow : {2e-4, 1e-3, 5e-3, 2.5e-2}) {
+  const NoiseModel white = initial_noise({Flight::of_every_pose(beginning)});
+  const std::vector<Phase> phases = phases_of(effects);
+  constexpr double kSlow[] = {2e-4, 1e-3, 5e-3, 2.5e-2};  // m/s^2
+  std::vector<std::optional<Track>> tracks(std::size(kSlow) * phases.size());
+  in_parallel(tracks.size(), [&](std::size_t k) {
+    NoiseModel noise = white;
+    const double slow = kSlow[k / phases.size()];
     noise.slow = {slow, slow, 5.0 * slow};
-    for (const Phase& phase : phases_of(effects))
-      add_track(Plant(vehicle, phase.effects, recording.start_s()), noise, phase.handicap);
-  }
+    const Phase& phase = phases[k % phases.size()];
+    tracks[k] = track_of(Plant(vehicle, phase.effects, recording.start_s()), noise, phase.handicap);
+  });
+  for (std::optional<Track>& track : tracks) tracks_.push_back(std::move(*track));
+  for (const PoseSample& pose : recording.poses) times_.push_back(pose.time_s);
 }
 
-void OpenLoop::add_track(Plant plant, const NoiseModel& noise, double handicap) {
-  Flight flight(recording_);
+OpenLoop::Track OpenLoop::track_of(Plant plant, const NoiseModel& noise, double handicap) const {
+  Flight flight = Flight::of_every_pose(recording_);
   flight.track(plant, noise);
   Track track{std::move(plant), {}, {}, {}};
   const ForceIntegrals forces = flight.integrate(track.plant, &track.hidden);
@@ -97,8 +106,7 @@ void OpenLoop::add_track(Plant plant, const NoiseModel& noise, double handicap) 
     }
   }
   track.motion = flight.motion();
-  tracks_.push_back(std::move(track));
-  times_ = flight.times();
+  return track;
 }
 
 const OpenLoop::Track& OpenLoop::best_at(std::size_t frame) const {

@@ -284,9 +284,9 @@ nlohmann::ordered_json plot_data(const Diagnosis& diagnosis, const Problem& prob
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
     json x = json::array(), y = json::array();
-    for (std::size_t i = 0; i < flight.frames(); i += 10) {
-      x.push_back(flight.recording().poses[i].x_m);
-      y.push_back(flight.recording().poses[i].y_m);
+    for (std::size_t i = 0; i < flight.frames(); i += 5) {
+      x.push_back(flight.poses()[i].x_m);
+      y.push_back(flight.poses()[i].y_m);
     }
     flights.push_back({{"name", flight.recording().name},
                        {"x_m", x},

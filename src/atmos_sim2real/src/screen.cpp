@@ -45,14 +45,13 @@ struct Base {
   std::vector<MatrixXd> sharp_columns, smooth_sums;  // per flight
 };
 
-constexpr Index kTogether = 4;  // frames
+constexpr Index kTogether = 2;  // frames
 
 MatrixXd sums_of_frames(const MatrixXd& rows) {
   MatrixXd sums(rows.rows() / kTogether, rows.cols());
   for (Index column = 0; column < rows.cols(); ++column) {
     const double* value = rows.col(column).data();
-    for (Index i = 0; i < sums.rows(); ++i, value += kTogether)
-      sums(i, column) = value[0] + value[1] + value[2] + value[3];
+    for (Index i = 0; i < sums.rows(); ++i, value += kTogether) sums(i, column) = value[0] + value[1];
   }
   return sums;
 }

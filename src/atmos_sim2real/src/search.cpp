@@ -428,6 +428,23 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
   return current;
 }
 
+// Pushes were claimed when less was known, which may have hidden some and made up others.
+Fit with_pushes_reviewed(const Problem& problem, Fit current, double looseness,
+                         const SearchOptions& options) {
+  for (std::size_t i = 0; i < current.effects.size(); ++i) {
+    if (!std::holds_alternative<ExternalImpulse>(current.effects[i])) continue;
+    const auto reviewed = with_pushes_again(problem, current, i, options.accept_gain_of_local);
+    if (!reviewed) continue;
+    const auto count = [i](const Fit& fit) {
+      return std::to_string(std::get<ExternalImpulse>(fit.effects[i]).events.size());
+    };
+    options.progress("  pushes: " + count(*reviewed) + " instead of " + count(current));
+    smooth_all(problem, reviewed->effects, reviewed->noise, looseness);
+    current = fit(problem, reviewed->effects, reviewed->free, reviewed->noise, FitEffort::kQuick);
+  }
+  return current;
+}
+
 // The model without effect `index`, refitted.
 Fit without(const Problem& problem, Fit rest, std::size_t index) {
   rest.linearisation.reset();
@@ -671,6 +688,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     // Velocities under the better model, then everything again at its noise.
     looseness = 4.0;
     current = settled(problem, std::move(current), looseness);
+    current = with_pushes_reviewed(problem, std::move(current), looseness, options);
 
     dropped |= drop_needless(problem, current, claims, refused, looseness, options);
   }
@@ -679,6 +697,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   const bool late_names = claims.size() > 1 || (dropped && !claims.empty());
   if (late_names && reconsider(problem, current, claims, *screening, without_each, looseness, options)) {
     drop_needless(problem, current, claims, refused, looseness, options);
+    current = with_pushes_reviewed(problem, std::move(current), looseness, options);
     without_each = leave_one_out(problem, current, result.nominal);
   }
   if (simplify(problem, library, current, claims, options))

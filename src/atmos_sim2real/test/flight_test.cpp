@@ -9,10 +9,22 @@ namespace {
 
 constexpr double kStart = 1.7e9;
 
+// Every n-th pose of a flight.
+SyntheticFlight with_every(std::size_t n, const SyntheticFlight& flown) {
+  SyntheticFlight fewer = flown;
+  fewer.recording.poses.clear();
+  fewer.truth.clear();
+  for (std::size_t i = 0; i < flown.truth.size(); i += n) {
+    fewer.recording.poses.push_back(flown.recording.poses[i]);
+    fewer.truth.push_back(flown.truth[i]);
+  }
+  return fewer;
+}
+
 // Velocity changes that integrate() finds along the measured motion are those of the flight itself.
 void expect_the_flights_own_forces(const std::vector<Effect>& effects) {
   const Vehicle vehicle = nominal_vehicle();
-  const SyntheticFlight flown = fly_ideal(vehicle, effects, pulse_commands(kStart, 20.0, 5));
+  const SyntheticFlight flown = with_every(2, fly_ideal(vehicle, effects, pulse_commands(kStart, 20.0, 5)));
   const Plant plant(vehicle, effects, kStart);
   Flight flight(flown.recording);
   NoiseModel noise;
@@ -40,6 +52,42 @@ TEST(Flight, IntegratesForcesWithHiddenStates) {
   droop.loss_per_s = 0.3;
   droop.recovery_s = 1.0;
   expect_the_flights_own_forces({droop, ComOffset{{}, 0.01, -0.005}});
+}
+
+// Poses at a rate, moving evenly.
+Recording sliding(double rate_hz, std::size_t count) {
+  Recording recording;
+  recording.commands = {{kStart, 0.1, std::vector<double>(8, 0.0)}};
+  for (std::size_t i = 0; i < count; ++i) {
+    const double t = static_cast<double>(i) / rate_hz;
+    recording.poses.push_back({kStart + t, 0.1 * t, -0.2 * t, 0.3 * t});
+  }
+  return recording;
+}
+
+TEST(Flight, FramesAreMeansOfPosesThatComeFasterThanMotionCanChange) {
+  for (const double rate_hz : {100.0, 120.0, 200.0}) {
+    const Flight flight(sliding(rate_hz, 600));
+    ASSERT_EQ(flight.frames(), rate_hz < 200.0 ? 300u : 150u);
+    for (const PoseSample& pose : flight.poses()) {
+      const double t = pose.time_s - kStart;
+      EXPECT_NEAR(pose.x_m, 0.1 * t, 1e-6);
+      EXPECT_NEAR(pose.y_m, -0.2 * t, 1e-6);
+      EXPECT_NEAR(pose.yaw_rad, 0.3 * t, 1e-6);
+    }
+  }
+  EXPECT_EQ(Flight(sliding(60.0, 600)).frames(), 600u);
+}
+
+TEST(Flight, NoFrameReachesOverAGap) {
+  Recording recording = sliding(100.0, 601);
+  recording.poses.erase(recording.poses.begin() + 301, recording.poses.begin() + 330);
+  const Flight flight(recording);
+  double longest = 0.0;
+  for (std::size_t i = 1; i < flight.frames(); ++i)
+    longest = std::max(longest, flight.times()[i] - flight.times()[i - 1]);
+  EXPECT_GT(longest, 0.29);
+  EXPECT_NEAR(flight.times()[150] - kStart, 3.0, 1e-6) << "the pose before the gap stands alone";
 }
 
 TEST(Flight, VehicleTimeUndoesLatencyAndSkew) {

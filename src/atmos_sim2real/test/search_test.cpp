@@ -5,6 +5,7 @@
 #include <array>
 #include <optional>
 
+#include "atmos_sim2real/discover.h"
 #include "atmos_sim2real/simpler_form.h"
 #include "synthetic.h"
 
@@ -217,6 +218,33 @@ TEST(SimplerForm, AThrusterWithoutThrustIsDead) {
   weak.factor = 0.1;
   Flown weakly({weak}, 40.0, 62);
   EXPECT_FALSE(simpler(weakly, weak));
+}
+
+ExternalImpulse pushes_along_x(const std::vector<std::pair<double, double>>& at_and_n_s) {
+  ExternalImpulse pushes;
+  for (const auto& [at_s, n_s] : at_and_n_s) pushes.events.push_back({kStart + at_s, {n_s, 0.0}, 0.0});
+  return pushes;
+}
+
+TEST(Pushes, ThoseThatWereMissedAreFoundAndThoseThatAreNotThereGo) {
+  const ExternalImpulse truth = pushes_along_x({{15.0, 0.2}, {18.0, -0.15}});
+  Flown flown({truth}, 40.0, 81);
+  const auto believed_of = [&](const ExternalImpulse& pushes) {
+    smooth_all(flown.problem, {pushes}, initial_noise(flown.flights), 4.0);
+    const NoiseModel noise = profile_noise(flown.problem, {truth}, initial_noise(flown.flights), true);
+    return evaluate(flown.problem, {pushes}, {}, noise);
+  };
+  constexpr double kEach = 20.0;
+  const auto reviewed =
+      with_pushes_again(flown.problem, believed_of(pushes_along_x({{15.0, 0.2}, {30.0, 1e-4}})), 0, kEach);
+  ASSERT_TRUE(reviewed);
+  const auto& events = std::get<ExternalImpulse>(reviewed->effects.front()).events;
+  ASSERT_EQ(events.size(), 2u);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_NEAR(events[k].time_s, truth.events[k].time_s, 0.1);
+    EXPECT_NEAR(events[k].impulse_n_s.x(), truth.events[k].impulse_n_s.x(), 0.02);
+  }
+  EXPECT_FALSE(with_pushes_again(flown.problem, believed_of(truth), 0, kEach));
 }
 
 TEST(Search, NamesClockAndValvesTogether) {

@@ -52,14 +52,19 @@ struct Reach {
 
 class Flight {
  public:
+  // Frames are poses averaged over about 1/50 s: the motion within tells nothing, and all work is done per
+  // frame.
   explicit Flight(Recording recording);
+  // A frame for every pose, for what may look at no pose after a certain one.
+  static Flight of_every_pose(Recording recording);
 
   // The same motion as if these commands had been given.
   Flight under(std::vector<ThrusterCommand> commands) const;
 
   const Recording& recording() const { return recording_; }
   std::size_t frames() const { return times_.size(); }
-  const std::vector<double>& times() const { return times_; }
+  const std::vector<PoseSample>& poses() const { return poses_; }  // one per frame
+  const std::vector<double>& times() const { return times_; }      // their stamps
 
   // Smooths the measured motion, with `plant`'s forces as known input, under a process noise `looseness`
   // times the given one: velocities must not be biased by a model that is still wrong.
@@ -86,6 +91,7 @@ class Flight {
   const std::vector<PlanarState<double>>& motion() const { return motion_; }
 
  private:
+  Flight(Recording recording, std::vector<PoseSample> frames);
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
@@ -95,7 +101,8 @@ class Flight {
                   const std::array<std::vector<double>, kAxes>& velocity);
 
   Recording recording_;
-  std::vector<double> times_;                // stamps
+  std::vector<PoseSample> poses_;            // one per frame
+  std::vector<double> times_;                // their stamps
   std::vector<PlanarState<double>> motion_;  // one per frame, of the measured point
   std::array<std::vector<double>, kAxes> scatter_variance_;
   std::vector<Travel> travel_;

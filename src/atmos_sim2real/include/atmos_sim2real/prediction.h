@@ -50,10 +50,10 @@ class OpenLoop {
   const Track& best_at(std::size_t frame) const;
   std::size_t frame_before(double stamp) const;
 
-  void add_track(Plant plant, const NoiseModel& noise, double handicap);
+  Track track_of(Plant plant, const NoiseModel& noise, double handicap) const;
 
   const Recording& recording_;
-  std::vector<double> times_;
+  std::vector<double> times_;  // of its poses
   std::vector<Track> tracks_;
 };
 
