@@ -299,7 +299,7 @@ Flight Flight::under(std::vector<ThrusterCommand> commands) const {
 }
 
 void Flight::smooth(const Plant& plant, const NoiseModel& noise, double looseness) {
-  note_scatter(plant);
+  note_scatter(plant, noise.joins_pulses);
   const ForceIntegrals forces = integrate(plant);
   const std::size_t n = frames();
   std::array<std::vector<double>, kAxes> position, velocity;
@@ -315,13 +315,13 @@ void Flight::smooth(const Plant& plant, const NoiseModel& noise, double loosenes
                 noise.mocap[axis] * noise.mocap[axis], q, position[axis], velocity[axis]);
   }
   set_motion(plant, position, velocity);
-  note_scatter(plant);
+  note_scatter(plant, noise.joins_pulses);
 }
 
 void Flight::track(const Plant& plant, const NoiseModel& noise) {
   // The first pass knows no velocity, the second has those of the first.
   for (int pass = 0; pass < 2; ++pass) {
-    note_scatter(plant);
+    note_scatter(plant, noise.joins_pulses);
     const ForceIntegrals forces = integrate(plant);
     const std::size_t n = frames();
     std::array<std::vector<double>, kAxes> position, velocity;
@@ -366,25 +366,46 @@ void Flight::note_travel() {
   }
 }
 
-void Flight::note_scatter(const Plant& plant) {
+namespace {
+
+struct Pulse {
+  double begin_s, end_s;
+};
+
+// Of one thruster, in order.
+std::vector<Pulse> pulses_of(const std::vector<ThrusterCommand>& commands, std::size_t thruster, bool join) {
+  constexpr double kTogether = 1e-3;  // s, as the valves' schedule has it
+  std::vector<Pulse> pulses;
+  for (const ThrusterCommand& command : commands) {
+    const double on = std::abs(command.duty[thruster]) * command.period_s;
+    if (on <= 0.0) continue;
+    if (join && !pulses.empty() && command.stamp_s < pulses.back().end_s + kTogether)
+      pulses.back().end_s = command.stamp_s + on;
+    else
+      pulses.push_back({command.stamp_s, command.stamp_s + on});
+  }
+  return pulses;
+}
+
+}  // namespace
+
+void Flight::note_scatter(const Plant& plant, bool joins_pulses) {
   const std::size_t n = frames();
   const PlantProperties& properties = plant.properties();
   for (auto& variance : scatter_variance_) variance.assign(n, 0.0);
   note_travel();
   derived_ = std::make_shared<Derived>();
 
-  std::size_t frame = 0;
-  for (const ThrusterCommand& command : recording_.commands) {
-    for (std::size_t k = 0; k < properties.thrusters.size(); ++k) {
-      const double on = std::abs(command.duty[k]) * command.period_s;
-      if (on <= 0.0) continue;
-      const PlanarThruster& thruster = properties.thrusters[k];
-      const double force = thruster.force_n;
-      const double lever = cross2(thruster.position_m - properties.com_B, thruster.direction);
-      while (frame + 2 < n && times_[frame + 1] <= command.stamp_s) ++frame;
-      for (std::size_t i = frame; i + 1 < n && times_[i] < command.stamp_s + on; ++i) {
-        const double overlap =
-            std::min(times_[i + 1], command.stamp_s + on) - std::max(times_[i], command.stamp_s);
+  for (std::size_t k = 0; k < properties.thrusters.size(); ++k) {
+    const PlanarThruster& thruster = properties.thrusters[k];
+    const double force = thruster.force_n;
+    const double lever = cross2(thruster.position_m - properties.com_B, thruster.direction);
+    std::size_t frame = 0;
+    for (const Pulse& pulse : pulses_of(recording_.commands, k, joins_pulses)) {
+      const double on = pulse.end_s - pulse.begin_s;
+      while (frame + 2 < n && times_[frame + 1] <= pulse.begin_s) ++frame;
+      for (std::size_t i = frame; i + 1 < n && times_[i] < pulse.end_s; ++i) {
+        const double overlap = std::min(times_[i + 1], pulse.end_s) - std::max(times_[i], pulse.begin_s);
         if (overlap <= 0.0) continue;
         const Eigen::Vector2d push_W =
             rotation_WB(motion_[i].yaw) * thruster.direction * (force / properties.mass_kg);

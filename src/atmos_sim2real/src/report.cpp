@@ -173,10 +173,14 @@ json fit_of(const Proof& proof) {
 }
 
 json noise_of(const NoiseModel& noise) {
-  return {{"mocap_position_m", noise.mocap[kX]},      {"mocap_yaw_rad", noise.mocap[kYaw]},
-          {"mocap_rough_m", noise.rough[kX]},         {"mocap_distortion_m", noise.distortion[kX]},
-          {"slow_acceleration_m_s2", noise.slow[kX]}, {"slow_yaw_acceleration_rad_s2", noise.slow[kYaw]},
-          {"thrust_scatter", noise.scatter}};
+  return {{"mocap_position_m", noise.mocap[kX]},
+          {"mocap_yaw_rad", noise.mocap[kYaw]},
+          {"mocap_rough_m", noise.rough[kX]},
+          {"mocap_distortion_m", noise.distortion[kX]},
+          {"slow_acceleration_m_s2", noise.slow[kX]},
+          {"slow_yaw_acceleration_rad_s2", noise.slow[kYaw]},
+          {"thrust_scatter", noise.scatter},
+          {"thrust_scatters_by", noise.joins_pulses ? "opening" : "command"}};
 }
 
 // Error of each row of prediction windows against the poses: [time since the first pose, position error].

@@ -402,6 +402,25 @@ Fit with_priors_again(const Problem& problem, Fit current) {
   return current;
 }
 
+// Noise in which a valve that stays open over several commands makes one pulse of them, or one of each: as
+// the flights have it under these effects. They are smoothed under the noise that is returned.
+NoiseModel with_likelier_pulses(const Problem& problem, const std::vector<Effect>& effects,
+                                const NoiseModel& present, double looseness) {
+  constexpr double kClear = 3.0;  // nats
+  const auto smoothed = [&](NoiseModel noise) {
+    smooth_all(problem, effects, noise, looseness);
+    noise = profile_noise(problem, effects, noise, true);
+    return std::pair(evaluate(problem, effects, {}, noise).log_likelihood, noise);
+  };
+  NoiseModel other = present;
+  other.joins_pulses = !present.joins_pulses;
+  const auto [other_likelihood, other_noise] = smoothed(other);
+  const auto [likelihood, noise] = smoothed(present);
+  if (other_likelihood < likelihood + kClear) return noise;
+  smooth_all(problem, effects, other_noise, looseness);
+  return other_noise;
+}
+
 // Fits along the motion that the model itself implies, until that no longer changes: friction that nearly
 // holds the robot shows itself only step by step.
 Fit settled(const Problem& problem, Fit current, double looseness) {
@@ -415,7 +434,10 @@ Fit settled(const Problem& problem, Fit current, double looseness) {
       current = refine_onset(problem, std::move(current), i);
       current = refine_patch(problem, std::move(current), i, looseness);
     }
-    smooth_all(problem, current.effects, current.noise, looseness);
+    if (round == 0)
+      current.noise = with_likelier_pulses(problem, current.effects, current.noise, looseness);
+    else
+      smooth_all(problem, current.effects, current.noise, looseness);
     const double before = current.log_likelihood;
     current = fit(problem, current.effects, current.free, current.noise,
                   round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
@@ -480,9 +502,13 @@ std::vector<Hypothesis> unclaimed(const std::vector<Hypothesis>& all, const std:
 
 std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const Fit& nominal) {
   std::vector<Fit> fits;
-  for (std::size_t i = 0; i < current.effects.size(); ++i)
-    fits.push_back(current.effects.size() == 1 ? evaluate(problem, nominal.effects, {}, nominal.noise)
-                                               : without(problem, current, i));
+  if (current.effects.size() == 1) {
+    NoiseModel noise = nominal.noise;
+    noise.joins_pulses = current.noise.joins_pulses;
+    fits.push_back(fit(problem, nominal.effects, {}, noise, FitEffort::kQuick));
+    return fits;
+  }
+  for (std::size_t i = 0; i < current.effects.size(); ++i) fits.push_back(without(problem, current, i));
   return fits;
 }
 
@@ -606,6 +632,61 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   return false;
 }
 
+// What a model is worth, for models with other effects.
+double worth(const Fit& fit, const std::vector<Claim>& claims) {
+  double nats = fit.evidence;
+  for (const Claim& claim : claims) nats -= choices_of(claim.hypothesis);
+  return nats;
+}
+
+bool are_inseparable(const std::string& a, const std::string& b) {
+  return std::any_of(inseparable().begin(), inseparable().end(), [&](const std::vector<std::string>& set) {
+    const auto in_set = [&](const std::string& kind) {
+      return std::find(set.begin(), set.end(), kind) != set.end();
+    };
+    return in_set(a) && in_set(b);
+  });
+}
+
+// Of two names that explain the flights equally well the wrong one may have been taken, and another effect
+// been named to make up for it: tries the nearest rival of all, and with it others in place of the rest.
+// Whether that is better.
+bool reconsider_together(const Problem& problem, const std::vector<Hypothesis>& library, const Fit& nominal,
+                         Fit& current, std::vector<Claim>& claims, double looseness,
+                         const SearchOptions& options) {
+  constexpr double kClearlyBetter = 3.0;  // nats
+  const Tried* nearest = nullptr;
+  std::size_t index = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    for (const Tried& rival : claims[i].rivals) {
+      const double behind = claims[i].rival_reference - rival.gain;
+      const bool other = !rival.hypothesis.map && !same_subject(rival.hypothesis, claims[i].hypothesis) &&
+                         !are_inseparable(rival.hypothesis.kind, claims[i].hypothesis.kind);
+      if (!other || behind > std::min(least, indistinct(claims[i].rival_reference))) continue;
+      nearest = &rival;
+      index = i;
+      least = behind;
+    }
+  }
+  if (nearest == nullptr || claims.size() < 2) return false;
+  options.progress("  with " + label(nearest->hypothesis) + " in place of " +
+                   label(claims[index].hypothesis));
+  Fit other = nearest->fit;
+  std::vector<Claim> others = claims;
+  others[index].hypothesis = nearest->hypothesis;
+  move_to_end(others, index);
+  const std::vector<Hypothesis> open = unclaimed(library, others);
+  const Screening screening(problem, other, open);
+  const std::vector<Fit> without_each = leave_one_out(problem, other, nominal);
+  if (!reconsider(problem, other, others, screening, without_each, looseness, options)) return false;
+  if (worth(other, others) < worth(current, claims) + kClearlyBetter) return false;
+  options.progress("  which explains more");
+  current = std::move(other);
+  claims = std::move(others);
+  return true;
+}
+
 }  // namespace
 
 SearchResult search(const Problem& problem, const std::vector<Hypothesis>& library,
@@ -615,8 +696,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   smooth_all(problem, {}, noise, 20.0);
   noise = profile_noise(problem, {}, noise, true);
   double looseness = 5.0;
-  smooth_all(problem, {}, noise, looseness);
-  noise = profile_noise(problem, {}, noise, true);
+  noise = with_likelier_pulses(problem, {}, noise, looseness);
   result.nominal = evaluate(problem, {}, {}, noise);
   const OpenLoopError nominal_error = open_loop_error(problem, {});
   Fit current = result.nominal;
@@ -695,7 +775,9 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
 
   std::vector<Fit> without_each = leave_one_out(problem, current, result.nominal);
   const bool late_names = claims.size() > 1 || (dropped && !claims.empty());
-  if (late_names && reconsider(problem, current, claims, *screening, without_each, looseness, options)) {
+  if (late_names &&
+      (reconsider(problem, current, claims, *screening, without_each, looseness, options) ||
+       reconsider_together(problem, library, result.nominal, current, claims, looseness, options))) {
     drop_needless(problem, current, claims, refused, looseness, options);
     current = with_pushes_reviewed(problem, std::move(current), looseness, options);
     without_each = leave_one_out(problem, current, result.nominal);

@@ -90,6 +90,25 @@ TEST(Flight, NoFrameReachesOverAGap) {
   EXPECT_NEAR(flight.times()[150] - kStart, 3.0, 1e-6) << "the pose before the gap stands alone";
 }
 
+TEST(Flight, AValveThatStaysOpenIsOnePulseOrOneOfEveryCommand) {
+  const Vehicle vehicle = nominal_vehicle();
+  std::vector<ThrusterCommand> commands;
+  for (int k = 0; k < 40; ++k) commands.push_back({kStart + 0.1 * k, 0.1, std::vector<double>(8, 0.0)});
+  for (int k = 10; k < 20; ++k) commands[static_cast<std::size_t>(k)].duty[0] = 1.0;  // a second
+  Flight flight(fly_ideal(vehicle, {}, commands).recording);
+  const auto variance = [&](bool joins_pulses) {
+    NoiseModel noise;
+    noise.joins_pulses = joins_pulses;
+    flight.smooth(Plant(vehicle, {}, kStart), noise, 1.0);
+    double sum = 0.0;
+    for (const double part : flight.scatter_variance()[kYaw]) sum += part;
+    return sum;
+  };
+  const double of_each = variance(false);
+  EXPECT_GT(of_each, 0.0);
+  EXPECT_NEAR(variance(true), 10.0 * of_each, 1e-4 * of_each);
+}
+
 TEST(Flight, VehicleTimeUndoesLatencyAndSkew) {
   const Plant plant(nominal_vehicle(), {MocapLatency{{}, 0.02}, ClockSkew{{}, 1e-3}}, kStart);
   // What happened 10 s after the start is stamped 10 s * 1.001 later, plus the latency.

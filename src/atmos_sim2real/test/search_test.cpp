@@ -281,6 +281,24 @@ TEST(Search, AMocapThatIsDistortedOverTheFloorIsNoEffect) {
   EXPECT_EQ(named_by(flown), std::vector<std::string>());
 }
 
+TEST(Search, SeesWhetherThrustScattersByOpeningOrByCommand) {
+  // Push, brake, push back, brake: for 0.4 s each at first, then for 0.1 s.
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 80.0, 91);
+  for (std::size_t k = 0; k < commands.size(); ++k) {
+    const bool begins = k % 10 == 0;
+    for (double& duty : commands[k].duty) duty = begins && duty > 0.0 ? 1.0 : 0.0;
+    if (!begins && k % 10 < 4 && k < 400) commands[k].duty = commands[k - 1].duty;
+  }
+  for (const bool by_opening : {false, true}) {
+    Lab lab{5e-4, 2e-3, 0.05};
+    lab.scatter_s = by_opening ? 1.0 : 0.1;
+    Flown flown({}, 1.0, 92);
+    flown.flights = {Flight(fly(flown.vehicle, {}, commands, 93, lab).recording)};
+    const std::vector<Hypothesis> few{hypotheses(flown.vehicle, flown.flights).front()};
+    EXPECT_EQ(search(flown.problem, few, SearchOptions()).final.noise.joins_pulses, by_opening);
+  }
+}
+
 TEST(Search, AForceThatGoesRoundIsNoVibrationAlongALine) {
   Unmodelled round;
   round.force_x_n = "a*cos(9*t)";

@@ -59,6 +59,7 @@ struct Lab {
   double scatter = 0.02;                    // of each pulse
   double slow_m_s2 = 2e-4;                  // slow random acceleration, correlation time 4 s
   double slow_rad_s2 = 5e-4;
+  double scatter_s = 0.1;  // how long a thrust stays the same
 };
 
 // Flies `effects` on `commands` from rest at the origin. Nuisances act as velocity changes per 10 ms.
@@ -82,9 +83,10 @@ inline SyntheticFlight fly(const Vehicle& vehicle, const std::vector<Effect>& ef
                        lab.slow_rad_s2 * normal(random));
   const double dt = 0.01, decay = std::exp(-dt / 4.0), renew = std::sqrt(1.0 - decay * decay);
   std::vector<double> pulse(8, 1.0);
+  const int pulse_frames = static_cast<int>(std::lround(lab.scatter_s / dt));
   const int frames = static_cast<int>(std::lround(commands.size() * 10.0));
   for (int i = 0; i <= frames; ++i) {
-    if (i % 10 == 0) {
+    if (i % pulse_frames == 0) {
       for (double& factor : pulse) factor = lab.scatter * normal(random);
     }
     if (i > 0) {

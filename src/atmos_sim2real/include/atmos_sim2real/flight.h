@@ -96,7 +96,7 @@ class Flight {
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
   void note_travel();
-  void note_scatter(const Plant& plant);
+  void note_scatter(const Plant& plant, bool joins_pulses);
   void set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,
                   const std::array<std::vector<double>, kAxes>& velocity);
 

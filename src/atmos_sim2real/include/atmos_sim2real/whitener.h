@@ -15,6 +15,7 @@ struct NoiseModel {
   std::array<double, kAxes> slow{3e-4, 3e-4, 5e-3};   // slow random acceleration, standard deviation
   double slow_time_s = 4.0;                           // its correlation time
   double scatter = 0.02;                              // of each pulse's thrust, relative
+  bool joins_pulses = false;  // a valve that stays open over several commands makes one pulse of them
   // Errors of the mocap that depend on where the robot is, standard deviations: one that is rough along the
   // way, as markers come and go, and one that is a smooth function of the place.
   std::array<double, kAxes> rough{0, 0, 0};
@@ -24,7 +25,7 @@ struct NoiseModel {
 
   bool operator==(const NoiseModel& other) const {
     return mocap == other.mocap && slow == other.slow && slow_time_s == other.slow_time_s &&
-           scatter == other.scatter && rough == other.rough && rough_length_m == other.rough_length_m &&
+           scatter == other.scatter && joins_pulses == other.joins_pulses && rough == other.rough && rough_length_m == other.rough_length_m &&
            distortion == other.distortion && distortion_length_m == other.distortion_length_m;
   }
 };
