@@ -14,12 +14,18 @@ double hermite(double p0, double v0, double p1, double v1, double dt, double s) 
          (s3 - s2) * dt * v1;
 }
 
-// Rauch-Tung-Striebel smoother of one axis: [position, velocity] driven by known velocity changes and white
-// acceleration of intensity q per interval [m^2/s^3].
-void smooth_axis(const std::vector<double>& times, const std::vector<double>& measured,
-                 const std::vector<double>& dv, const std::vector<double>& dp, double variance,
-                 const std::vector<double>& q, std::vector<double>& position, std::vector<double>& velocity) {
+// What drives one axis from frame to frame: velocity changes and ways that forces make along a motion, whose
+// velocity is `along`, and how fast those forces bring another velocity back to it [1/s]; white acceleration
+// of intensity q per interval [m^2/s^3].
+struct Drive {
+  std::vector<double> dv, dp, along, damping, q;
+};
+
+// Rauch-Tung-Striebel smoother of [position, velocity].
+void smooth_axis(const std::vector<double>& times, const std::vector<double>& measured, double variance,
+                 const Drive& drive, std::vector<double>& position, std::vector<double>& velocity) {
   const std::size_t n = times.size();
+  std::vector<Eigen::Matrix2d> F(n, Eigen::Matrix2d::Identity());
   std::vector<Eigen::Vector2d> x_filtered(n), x_predicted(n);
   std::vector<Eigen::Matrix2d> P_filtered(n), P_predicted(n);
   Eigen::Vector2d x(measured[0], 0.0);
@@ -33,15 +39,16 @@ void smooth_axis(const std::vector<double>& times, const std::vector<double>& me
     x_filtered[i] = x;
     P_filtered[i] = P;
     if (i + 1 == n) break;
-    const double dt = times[i + 1] - times[i];
-    x = Eigen::Vector2d(x[0] + dt * x[1] + dp[i], x[1] + dv[i]);
-    Eigen::Matrix2d F;
-    F << 1, dt, 0, 1;
-    P = F * P * F.transpose();
-    P(0, 0) += q[i] * dt * dt * dt / 3.0;
-    P(0, 1) += q[i] * dt * dt / 2.0;
-    P(1, 0) += q[i] * dt * dt / 2.0;
-    P(1, 1) += q[i] * dt;
+    const double dt = times[i + 1] - times[i], b = drive.damping[i], q = drive.q[i];
+    const double kept = std::exp(-b * dt), way = b * dt > 1e-6 ? (1.0 - kept) / b : dt;
+    F[i] << 1, way, 0, kept;
+    x = F[i] * x + Eigen::Vector2d((dt - way) * drive.along[i] + drive.dp[i],
+                                   (1.0 - kept) * drive.along[i] + drive.dv[i]);
+    P = F[i] * P * F[i].transpose();
+    P(0, 0) += q * dt * dt * dt / 3.0;
+    P(0, 1) += q * dt * dt / 2.0;
+    P(1, 0) += q * dt * dt / 2.0;
+    P(1, 1) += q * dt;
   }
   position.assign(n, 0.0);
   velocity.assign(n, 0.0);
@@ -49,9 +56,7 @@ void smooth_axis(const std::vector<double>& times, const std::vector<double>& me
   position[n - 1] = smoothed[0];
   velocity[n - 1] = smoothed[1];
   for (std::size_t i = n - 1; i-- > 0;) {
-    Eigen::Matrix2d F;
-    F << 1, times[i + 1] - times[i], 0, 1;
-    const Eigen::Matrix2d G = P_filtered[i] * F.transpose() * P_predicted[i + 1].inverse();
+    const Eigen::Matrix2d G = P_filtered[i] * F[i].transpose() * P_predicted[i + 1].inverse();
     smoothed = x_filtered[i] + G * (smoothed - x_predicted[i + 1]);
     position[i] = smoothed[0];
     velocity[i] = smoothed[1];
@@ -304,18 +309,45 @@ void Flight::smooth(const Plant& plant, const NoiseModel& noise, double loosenes
   const std::size_t n = frames();
   std::array<std::vector<double>, kAxes> position, velocity;
   for (int axis = 0; axis < kAxes; ++axis) {
-    std::vector<double> q(n);
+    Drive drive{forces.dv[axis], forces.dp[axis], {}, {}, std::vector<double>(n)};
+    note_damping(plant, static_cast<Axis>(axis), drive.along, drive.damping);
     const double drift = 2.0 * noise.slow[axis] * noise.slow[axis] * 0.1;
     for (std::size_t i = 0; i + 1 < n; ++i) {
       const double scatter =
           noise.scatter * noise.scatter * scatter_variance_[axis][i] / (times_[i + 1] - times_[i]);
-      q[i] = looseness * looseness * (drift + scatter);
+      drive.q[i] = looseness * looseness * (drift + scatter);
     }
-    smooth_axis(times_, forces.measured[axis], forces.dv[axis], forces.dp[axis],
-                noise.mocap[axis] * noise.mocap[axis], q, position[axis], velocity[axis]);
+    smooth_axis(times_, forces.measured[axis], noise.mocap[axis] * noise.mocap[axis], drive, position[axis],
+                velocity[axis]);
   }
   set_motion(plant, position, velocity);
   note_scatter(plant, noise.joins_pulses);
+}
+
+void Flight::note_damping(const Plant& plant, Axis axis, std::vector<double>& along,
+                          std::vector<double>& damping) const {
+  constexpr double kStep = 0.5e-3, kArm = 0.15;  // m/s, less than friction takes to set in; m
+  const std::size_t n = frames();
+  along.assign(n, 0.0);
+  damping.assign(n, 0.0);
+  const auto rubs = [](const Effect& effect) {
+    return std::holds_alternative<CoulombFriction>(effect) || std::holds_alternative<FrictionPatch>(effect);
+  };
+  if (std::none_of(plant.effects().begin(), plant.effects().end(), rubs)) return;
+  const VecX<double> hidden = plant.initial_hidden(), closed = VecX<double>::Zero(plant.thruster_count());
+  PlantRate<double> rate;
+  for (std::size_t i = 0; i < n; ++i) {
+    const PlanarState<double> state = plant.from_measured(motion_[i]);
+    const auto acceleration = [&](double step) {
+      PlanarState<double> moved = state;
+      (axis == kYaw ? moved.yaw_rate : moved.v_WC[axis]) += step;
+      plant.rate(times_[i], moved, hidden, closed, rate);
+      return axis == kYaw ? rate.body.yaw_acceleration : rate.body.a_WC[axis];
+    };
+    const double step = axis == kYaw ? kStep / kArm : kStep;
+    along[i] = axis == kYaw ? state.yaw_rate : state.v_WC[axis];
+    damping[i] = std::max(0.0, (acceleration(-step) - acceleration(step)) / (2.0 * step));
+  }
 }
 
 void Flight::track(const Plant& plant, const NoiseModel& noise) {

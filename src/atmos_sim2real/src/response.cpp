@@ -15,6 +15,7 @@ constexpr double kGrid = 0.01;          // s
 constexpr int kHalf = 50;               // grid steps: second differences over +-0.5 s
 constexpr int kStride = 10;             // grid steps between the instants that are used
 constexpr double kLongestBridge = 0.2;  // s between poses that are interpolated
+constexpr double kJoined = 1e-3;        // s between pulses that are one
 constexpr double kLargestShift = 12.0;  // s
 constexpr double kShiftStep = 0.1;      // s
 constexpr double kArm = 0.15;           // m: makes yaw comparable with translation
@@ -38,6 +39,8 @@ struct Sampled {
   std::vector<char> known;               // whether a pose is known there
   std::vector<Eigen::Vector3d> pose;     // x, y, yaw
   std::vector<std::vector<float>> open;  // per thruster, mean over each grid step
+  // The same for one more second of opening at the end of every pulse, all of it in one grid step.
+  std::vector<std::vector<float>> longer;
 };
 
 Sampled sample(const Recording& recording, std::size_t thrusters) {
@@ -57,6 +60,7 @@ Sampled sample(const Recording& recording, std::size_t thrusters) {
                    a.yaw_rad + u * (b.yaw_rad - a.yaw_rad)};
   }
   out.open.assign(thrusters, std::vector<float>(out.n, 0.0F));
+  out.longer = out.open;
   for (std::size_t c = 0; c < recording.commands.size(); ++c) {
     const ThrusterCommand& command = recording.commands[c];
     double until = command.stamp_s + command.period_s;
@@ -72,6 +76,11 @@ Sampled sample(const Recording& recording, std::size_t thrusters) {
         if (overlap > 0.0)
           out.open[k][static_cast<std::size_t>(step)] += static_cast<float>(sign * overlap / kGrid);
       }
+      const double closed = std::floor((close - out.begin_s) / kGrid);
+      const bool goes_on = c + 1 < recording.commands.size() && recording.commands[c + 1].duty[k] != 0.0 &&
+                           recording.commands[c + 1].stamp_s < close + kJoined;
+      if (command.duty[k] != 0.0 && !goes_on && closed >= 0.0 && closed < static_cast<double>(out.n))
+        out.longer[k][static_cast<std::size_t>(closed)] += static_cast<float>(sign / kGrid);
     }
   }
   return out;
@@ -127,25 +136,53 @@ struct Agreement {
   std::size_t instants = 0;
 };
 
-// Coarser and cheaper than instants(): mean accelerations of kStride grid steps.
-Agreement agreement(const Sampled& s, const std::vector<Eigen::Vector3d>& push, int shift) {
-  const int n = static_cast<int>(s.n) / kStride, half = kHalf / kStride;
+// Coarser and cheaper than instants(): mean accelerations over kStride grid steps.
+std::vector<Eigen::Vector3d> accelerations(const Sampled& s, const std::vector<std::vector<float>>& open,
+                                           const std::vector<Eigen::Vector3d>& push, int shift) {
+  const int n = static_cast<int>(s.n) / kStride;
   std::vector<Eigen::Vector3d> acceleration(static_cast<std::size_t>(n), Eigen::Vector3d::Zero());
   for (int bin = 0; bin < n; ++bin) {
     const int commanded = bin * kStride - shift;
     if (commanded < 0 || commanded + kStride > static_cast<int>(s.n)) continue;
     Eigen::Vector3d mean_B = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < push.size(); ++k) {
-      float open = 0.0F;
-      for (int i = 0; i < kStride; ++i) open += s.open[k][static_cast<std::size_t>(commanded + i)];
-      if (open != 0.0F) mean_B += static_cast<double>(open) / kStride * push[k];
+      float sum = 0.0F;
+      for (int i = 0; i < kStride; ++i) sum += open[k][static_cast<std::size_t>(commanded + i)];
+      if (sum != 0.0F) mean_B += static_cast<double>(sum) / kStride * push[k];
     }
     const double yaw = s.pose[static_cast<std::size_t>(bin * kStride + kStride / 2)].z();
     auto& a = acceleration[static_cast<std::size_t>(bin)];
     a.head<2>() = rotation_WB(yaw) * mean_B.head<2>();
     a.z() = kArm * mean_B.z();
   }
-  std::vector<Eigen::Vector3d> seen, expected;
+  return acceleration;
+}
+
+// Sums of products of what is seen, what is expected, and what pulses that are a second longer would add.
+struct Products {
+  double expected = 0.0, both = 0.0, longer = 0.0, seen_expected = 0.0, seen_longer = 0.0;
+
+  // How much stronger the motion is than expected, where all pulses may be longer or shorter by as much as
+  // valves do that close later than they open; what cannot be told from it is taken for that.
+  double strength() const {
+    constexpr double kLongest = 0.05;  // s
+    constexpr double kRidge = 1e-3;
+    if (!(expected > 0.0)) return 1.0;
+    const double slack = kRidge * expected;
+    const double h11 = expected + slack, h12 = kLongest * both;
+    const double h22 = kLongest * kLongest * longer + slack;
+    const double g1 = seen_expected - expected, g2 = kLongest * (seen_longer - both);
+    const double share = std::clamp((g2 * h11 - g1 * h12) / (h11 * h22 - h12 * h12), -1.0, 1.0);
+    return 1.0 + (g1 - h12 * share) / h11;
+  }
+};
+
+Agreement agreement(const Sampled& s, const std::vector<Eigen::Vector3d>& push, int shift) {
+  const int n = static_cast<int>(s.n) / kStride, half = kHalf / kStride;
+  const std::vector<Eigen::Vector3d> acceleration = accelerations(s, s.open, push, shift);
+  std::vector<Eigen::Vector3d> of_longer;
+  if (shift == 0) of_longer = accelerations(s, s.longer, push, shift);
+  std::vector<Eigen::Vector3d> seen, expected, longer;
   for (int bin = half; bin + half < n; ++bin) {
     bool known = bin * kStride - kHalf - shift >= 0 && bin * kStride + kHalf - shift < static_cast<int>(s.n);
     for (int j = bin - half; j <= bin + half; ++j)
@@ -154,33 +191,47 @@ Agreement agreement(const Sampled& s, const std::vector<Eigen::Vector3d>& push, 
     const auto pose = [&](int at) { return s.pose[static_cast<std::size_t>(at * kStride)]; };
     Eigen::Vector3d difference = pose(bin + half) - 2.0 * pose(bin) + pose(bin - half);
     difference.z() *= kArm;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (int j = -half; j < half; ++j)
-      sum += (half - std::abs(j + 0.5)) * acceleration[static_cast<std::size_t>(bin + j)];
+    const auto motion = [&](const std::vector<Eigen::Vector3d>& of) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int j = -half; j < half; ++j)
+        sum += (half - std::abs(j + 0.5)) * of[static_cast<std::size_t>(bin + j)];
+      return Eigen::Vector3d(sum * (kGrid * kStride) * (kGrid * kStride));
+    };
     seen.push_back(difference);
-    expected.push_back(sum * (kGrid * kStride) * (kGrid * kStride));
+    expected.push_back(motion(acceleration));
+    if (shift == 0) longer.push_back(motion(of_longer));
   }
   Agreement out;
   out.instants = seen.size();
   if (seen.empty()) return out;
-  Eigen::Vector3d mean_seen = Eigen::Vector3d::Zero(), mean_expected = mean_seen;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    mean_seen += seen[i] / static_cast<double>(seen.size());
-    mean_expected += expected[i] / static_cast<double>(seen.size());
-  }
-  Eigen::Vector3d products = Eigen::Vector3d::Zero(), seen_squares = products, expected_squares = products;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    const Eigen::Vector3d a = seen[i] - mean_seen, b = expected[i] - mean_expected;
-    products += a.cwiseProduct(b);
-    seen_squares += a.cwiseProduct(a);
-    expected_squares += b.cwiseProduct(b);
-  }
+  const auto take_off_mean = [](std::vector<Eigen::Vector3d>& motion) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& at : motion) sum += at;
+    for (Eigen::Vector3d& at : motion) at -= sum / static_cast<double>(motion.size());
+  };
+  take_off_mean(seen);
+  take_off_mean(expected);
+  take_off_mean(longer);
+  const auto products = [](const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < a.size(); ++i) sum += a[i].cwiseProduct(b[i]);
+    return sum;
+  };
+  const Eigen::Vector3d seen_squares = products(seen, seen), expected_squares = products(expected, expected);
+  const Eigen::Vector3d seen_expected = products(seen, expected);
   const double all = seen_squares.sum() * expected_squares.sum();
-  out.correlation = all > 0.0 ? products.sum() / std::sqrt(all) : 0.0;
-  const double moved = expected_squares.head<2>().sum();
-  if (moved > 0.0) out.strength = products.head<2>().sum() / moved;
-  if (expected_squares.z() > 0.0) out.yaw_strength = products.z() / expected_squares.z();
+  out.correlation = all > 0.0 ? seen_expected.sum() / std::sqrt(all) : 0.0;
   out.seen = seen_squares.sum() / static_cast<double>(seen.size());
+  if (shift != 0) return out;
+  const Eigen::Vector3d both = products(expected, longer), longer_squares = products(longer, longer);
+  const Eigen::Vector3d seen_longer = products(seen, longer);
+  const auto strength_in = [&](const auto& axes) {
+    return Products{axes(expected_squares), axes(both), axes(longer_squares), axes(seen_expected),
+                    axes(seen_longer)}
+        .strength();
+  };
+  out.strength = strength_in([](const Eigen::Vector3d& sums) { return sums.head<2>().sum(); });
+  out.yaw_strength = strength_in([](const Eigen::Vector3d& sums) { return sums.z(); });
   return out;
 }
 

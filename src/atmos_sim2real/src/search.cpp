@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -610,14 +611,20 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
   }
   for (std::size_t i = 0; i < claims.size(); ++i) {
     Claim& claim = claims[i];
+    const auto named = std::find_if(claim.rivals.begin(), claim.rivals.end(),
+                                    [](const Tried& tried) { return tried.hypothesis.law.empty(); });
+    const double best_named =
+        named == claim.rivals.end() ? claim.rival_reference : std::max(claim.rival_reference, named->gain);
     const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
+      // What has no name is asked for by what no name explains.
+      const double reference = tried.hypothesis.law.empty() ? claim.rival_reference : best_named;
       const bool floor = tried.hypothesis.kind == FloorUnevenness::kKind;
       if (floor && blows_as_slopes(current.effects[i], claim.rival_reference, tried.gain)) return true;
       const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
                             claim.rival_reference > kNearly * tried.gain;
       const bool slopes = claim.hypothesis.kind == FloorUnevenness::kKind &&
                           blows_as_slopes(tried.fit.effects.back(), tried.gain, claim.rival_reference);
-      return tried.gain > claim.rival_reference + kClearlyBetter && !imitates && !slopes;
+      return tried.gain > reference + kClearlyBetter && !imitates && !slopes;
     });
     if (rival == claim.rivals.end()) continue;
     options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
@@ -648,43 +655,62 @@ bool are_inseparable(const std::string& a, const std::string& b) {
   });
 }
 
-// Of two names that explain the flights equally well the wrong one may have been taken, and another effect
-// been named to make up for it: tries the nearest rival of all, and with it others in place of the rest.
-// Whether that is better.
+// A rival of one claim.
+struct Swap {
+  std::size_t claim;
+  const Tried* rival;
+  double behind;  // nats
+};
+
+// The nearest plain rivals of all claims, whose own lists have the best first.
+std::vector<Swap> nearest_rivals(const std::vector<Claim>& claims, std::size_t most) {
+  constexpr double kShare = 0.5;  // of the claim's gain that a rival must reach
+  std::vector<Swap> swaps;
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    for (const Tried& rival : claims[i].rivals) {
+      const bool other = is_plain(rival.hypothesis) &&
+                         !same_subject(rival.hypothesis, claims[i].hypothesis) &&
+                         !are_inseparable(rival.hypothesis.kind, claims[i].hypothesis.kind);
+      const bool another_start = std::any_of(swaps.begin(), swaps.end(), [&](const Swap& swap) {
+        return swap.claim == i && same_subject(swap.rival->hypothesis, rival.hypothesis);
+      });
+      if (other && !another_start && rival.gain > kShare * claims[i].rival_reference)
+        swaps.push_back({i, &rival, claims[i].rival_reference - rival.gain});
+    }
+  }
+  std::sort(swaps.begin(), swaps.end(), [](const Swap& a, const Swap& b) { return a.behind < b.behind; });
+  swaps.resize(std::min(swaps.size(), most));
+  return swaps;
+}
+
+// Where two effects resemble each other, the wrong one may have been named, and another to make up for it, so
+// that only both together can change: tries the nearest rivals with others in place of the rest. Whether
+// that is better.
 bool reconsider_together(const Problem& problem, const std::vector<Hypothesis>& library, const Fit& nominal,
                          Fit& current, std::vector<Claim>& claims, double looseness,
                          const SearchOptions& options) {
   constexpr double kClearlyBetter = 3.0;  // nats
-  const Tried* nearest = nullptr;
-  std::size_t index = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    for (const Tried& rival : claims[i].rivals) {
-      const double behind = claims[i].rival_reference - rival.gain;
-      const bool other = !rival.hypothesis.map && !same_subject(rival.hypothesis, claims[i].hypothesis) &&
-                         !are_inseparable(rival.hypothesis.kind, claims[i].hypothesis.kind);
-      if (!other || behind > std::min(least, indistinct(claims[i].rival_reference))) continue;
-      nearest = &rival;
-      index = i;
-      least = behind;
-    }
+  constexpr std::size_t kMost = 3;
+  if (claims.size() < 2) return false;
+  for (const Swap& swap : nearest_rivals(claims, kMost)) {
+    Fit other = swap.rival->fit;
+    std::vector<Claim> others = claims;
+    others[swap.claim].hypothesis = swap.rival->hypothesis;
+    move_to_end(others, swap.claim);
+    std::vector<Hypothesis> open = unclaimed(library, others);
+    open.erase(std::remove_if(open.begin(), open.end(), std::not_fn(is_plain)), open.end());
+    const Screening screening(problem, other, open);
+    const std::vector<Fit> without_each = leave_one_out(problem, other, nominal);
+    options.progress("  with " + label(swap.rival->hypothesis) + " in place of " +
+                     label(claims[swap.claim].hypothesis) + ":");
+    if (!reconsider(problem, other, others, screening, without_each, looseness, options)) continue;
+    if (worth(other, others) < worth(current, claims) + kClearlyBetter) continue;
+    options.progress("  which explains more");
+    current = std::move(other);
+    claims = std::move(others);
+    return true;
   }
-  if (nearest == nullptr || claims.size() < 2) return false;
-  options.progress("  with " + label(nearest->hypothesis) + " in place of " +
-                   label(claims[index].hypothesis));
-  Fit other = nearest->fit;
-  std::vector<Claim> others = claims;
-  others[index].hypothesis = nearest->hypothesis;
-  move_to_end(others, index);
-  const std::vector<Hypothesis> open = unclaimed(library, others);
-  const Screening screening(problem, other, open);
-  const std::vector<Fit> without_each = leave_one_out(problem, other, nominal);
-  if (!reconsider(problem, other, others, screening, without_each, looseness, options)) return false;
-  if (worth(other, others) < worth(current, claims) + kClearlyBetter) return false;
-  options.progress("  which explains more");
-  current = std::move(other);
-  claims = std::move(others);
-  return true;
+  return false;
 }
 
 }  // namespace

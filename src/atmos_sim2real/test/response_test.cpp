@@ -58,6 +58,21 @@ TEST(Response, EffectsOfTheVocabularyAreNoReasonToRefuse) {
     EXPECT_EQ(refusal_of(flown({effect})), "") << kind_of(effect);
 }
 
+TEST(Response, ShortPulsesOfValvesThatCloseLateAreNoReasonToRefuse) {
+  // Pulses of 2 to 10 ms that become 17 ms longer.
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 60.0, 3);
+  for (ThrusterCommand& command : commands) {
+    for (double& duty : command.duty) duty *= 0.1;
+  }
+  const ValveDelay late{{}, 0.015, 0.032};
+  const Response seen =
+      response(clean_recording(fly(nominal_vehicle(), {late}, commands, 4).recording, 8), nominal_vehicle());
+  EXPECT_GT(seen.above_noise, 8.0) << "the robot does not move";
+  EXPECT_NEAR(seen.strength, 1.0, 0.5);
+  EXPECT_NEAR(seen.yaw_strength, 1.0, 0.5);
+  EXPECT_EQ(refusal(seen), "");
+}
+
 TEST(Response, AThrusterThatFailsHalfWayLeadsNoOtherAstray) {
   ThrusterDead dead;
   dead.thruster = 2;

@@ -95,6 +95,10 @@ class Flight {
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
+  // Velocity of the centre of mass, and how fast friction takes away what it is more or less than that [1/s]:
+  // where friction holds the robot, a velocity that is a little off pushes it about.
+  void note_damping(const Plant& plant, Axis axis, std::vector<double>& along,
+                    std::vector<double>& damping) const;
   void note_travel();
   void note_scatter(const Plant& plant, bool joins_pulses);
   void set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,

@@ -25,8 +25,9 @@ struct NoiseModel {
 
   bool operator==(const NoiseModel& other) const {
     return mocap == other.mocap && slow == other.slow && slow_time_s == other.slow_time_s &&
-           scatter == other.scatter && joins_pulses == other.joins_pulses && rough == other.rough && rough_length_m == other.rough_length_m &&
-           distortion == other.distortion && distortion_length_m == other.distortion_length_m;
+           scatter == other.scatter && joins_pulses == other.joins_pulses && rough == other.rough &&
+           rough_length_m == other.rough_length_m && distortion == other.distortion &&
+           distortion_length_m == other.distortion_length_m;
   }
 };
 
