@@ -97,9 +97,19 @@ std::vector<double> left_out_loss(const Problem& problem, const Fit& fit, const 
   return loss;
 }
 
+bool is_of_its_block(const Effect& effect) {
+  return std::holds_alternative<ExternalImpulse>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
+         std::holds_alternative<FloorVibration>(effect);
+}
+
 }  // namespace
 
-BlockEvidence block_evidence(const Problem& problem, const Fit& base, const Fit& fitted, std::uint32_t seed) {
+BlockEvidence block_evidence(const Problem& problem, Fit base, Fit fitted, std::size_t judged,
+                             std::uint32_t seed) {
+  base.hold([&](const FreeParameter& free) { return is_of_its_block(base.effects[free.effect]); });
+  fitted.hold([&](const FreeParameter& free) {
+    return free.effect != judged && is_of_its_block(fitted.effects[free.effect]);
+  });
   const bool several = problem.flights->size() > 1;
   constexpr double kBlock = 10.0, kWhole = 1e9;  // s
   const auto gains = [&](const std::vector<Block>& over) {

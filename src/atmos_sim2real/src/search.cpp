@@ -371,15 +371,20 @@ void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>&
   if (first_of_best) to_front(*first_of_best);
 }
 
+constexpr const char* kDoesNotHold = "does not hold on unseen data";
+
+// What happened once, or lies in one place, cannot help where a fit has not seen it.
+bool holds_on_unseen_data(const Hypothesis& hypothesis, const BlockEvidence& blocks,
+                          const SearchOptions& options) {
+  return hypothesis.local || (blocks.heldout_gain > 0.0 && blocks.inclusion >= options.least_inclusion);
+}
+
 // Why a candidate with enough evidence is not named all the same; empty when it is.
 std::string objection_to(const Problem& problem, const Tried& candidate, const BlockEvidence& blocks,
                          const std::vector<Claim>& claims, const OpenLoopError& nominal_error,
                          const OpenLoopError& present_error, const SearchOptions& options) {
   if (candidate.gain < options.needed(candidate.hypothesis)) return "has too little evidence for its freedom";
-  // What happened once, or lies in one place, cannot help where a fit has not seen it.
-  if (!candidate.hypothesis.local &&
-      (blocks.heldout_gain <= 0.0 || blocks.inclusion < options.least_inclusion))
-    return "does not hold on unseen data";
+  if (!holds_on_unseen_data(candidate.hypothesis, blocks, options)) return kDoesNotHold;
   const OpenLoopError error = open_loop_error(problem, candidate.fit.effects);
   constexpr double kShare = 0.03;
   if (claims.empty()) {
@@ -627,6 +632,12 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
       return tried.gain > reference + kClearlyBetter && !imitates && !slopes;
     });
     if (rival == claim.rivals.end()) continue;
+    const std::size_t last = rival->fit.effects.size() - 1;
+    const BlockEvidence blocks = block_evidence(problem, without_each[i], rival->fit, last, options.seed);
+    if (!holds_on_unseen_data(rival->hypothesis, blocks, options)) {
+      options.progress("  " + label(rival->hypothesis) + " " + kDoesNotHold);
+      continue;
+    }
     options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
     Tried better = std::move(*rival);
     claim.rivals.erase(rival);
@@ -770,7 +781,8 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
     const OpenLoopError present_error = open_loop_error(problem, current.effects);
     bool accepted = false;
     for (std::size_t t = 0; t < tried.size() && tried[t].gain >= options.accept_gain && !accepted; ++t) {
-      const BlockEvidence blocks = block_evidence(problem, current, tried[t].fit, options.seed);
+      const BlockEvidence blocks =
+          block_evidence(problem, current, tried[t].fit, current.effects.size(), options.seed);
       const std::string objection =
           objection_to(problem, tried[t], blocks, claims, nominal_error, present_error, options);
       if (!objection.empty()) {
@@ -811,7 +823,7 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
   if (simplify(problem, library, current, claims, options))
     without_each = leave_one_out(problem, current, result.nominal);
   for (std::size_t i = 0; i < claims.size(); ++i) {
-    const BlockEvidence blocks = block_evidence(problem, without_each[i], current, options.seed);
+    const BlockEvidence blocks = block_evidence(problem, without_each[i], current, i, options.seed);
     claims[i].gain = current.log_likelihood - without_each[i].log_likelihood;
     claims[i].heldout_gain = blocks.heldout_gain;
     claims[i].inclusion = blocks.inclusion;

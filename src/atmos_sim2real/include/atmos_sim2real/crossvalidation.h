@@ -13,8 +13,10 @@ struct BlockEvidence {
   std::vector<double> block_gain;
 };
 
-// Blocks are whole recordings when there are several, else stretches of 10 s. `base` lacks what is to be
-// judged. `seed` fixes the resampling.
-BlockEvidence block_evidence(const Problem& problem, const Fit& base, const Fit& fitted, std::uint32_t seed);
+// Blocks are whole recordings when there are several, else stretches of 10 s. `base` lacks effect `judged` of
+// `fitted`. What else happened once or lies in one place is taken as known, as no other block tells of it.
+// `seed` fixes the resampling.
+BlockEvidence block_evidence(const Problem& problem, Fit base, Fit fitted, std::size_t judged,
+                             std::uint32_t seed);
 
 }  // namespace atmos
