@@ -67,8 +67,10 @@ Hypothesis map_hypothesis(Effect map, const Lattice& lattice, const Field& field
 }
 
 Hypothesis unevenness(const Box& box) {
-  return map_hypothesis(FloorUnevenness{}, lattice_over(box, 0.2, affordable_spacing(box, 0.2, 0.15, 150)),
-                        {6e-4, 0.7});
+  // Bearings stand on both sides of the way, and the last cell of a lattice bends wrongly.
+  constexpr double kMargin = 0.35;  // m
+  return map_hypothesis(FloorUnevenness{},
+                        lattice_over(box, kMargin, affordable_spacing(box, kMargin, 0.15, 180)), {6e-4, 0.7});
 }
 
 Hypothesis airflow(const Box& box) {

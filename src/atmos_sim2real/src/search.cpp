@@ -483,16 +483,17 @@ Fit without(const Problem& problem, Fit rest, std::size_t index) {
 // Whether an effect is so many deviations away from its absence that a refit without it need not be asked.
 bool plainly_there(const Fit& fit, std::size_t index) {
   constexpr double kPlain = 10.0;  // deviations: 50 nats
+  const Effect& effect = fit.effects[index];
+  // Of these not every number is a size: a time or a place is away from its prior's mean anyway.
+  if (std::holds_alternative<Tether>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
+      std::holds_alternative<Slosh>(effect) || std::holds_alternative<FloorVibration>(effect) ||
+      std::holds_alternative<SupplyDroop>(effect) || std::holds_alternative<Unmodelled>(effect))
+    return false;
   for (std::size_t p = 0; p < fit.free.size(); ++p) {
     const FreeParameter& free = fit.free[p];
     if (free.effect != index || free.joint != nullptr) continue;
     const auto at = static_cast<Eigen::Index>(p);
-    const bool measures_size = !std::holds_alternative<Tether>(fit.effects[index]) &&
-                               !std::holds_alternative<FrictionPatch>(fit.effects[index]) &&
-                               !std::holds_alternative<Slosh>(fit.effects[index]) &&
-                               !std::holds_alternative<FloorVibration>(fit.effects[index]);
-    if (measures_size &&
-        std::abs(parameter(fit.effects, free) - free.prior_mean) > kPlain * std::sqrt(fit.covariance(at, at)))
+    if (std::abs(parameter(fit.effects, free) - free.prior_mean) > kPlain * std::sqrt(fit.covariance(at, at)))
       return true;
   }
   return false;

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "atmos_sim2real/discover.h"
+#include "atmos_sim2real/floor_map.h"
 #include "atmos_sim2real/simpler_form.h"
 #include "synthetic.h"
 
@@ -144,6 +145,21 @@ TEST(Library, NoMoreThanHalfOfTheVehicleSwings) {
   }
   EXPECT_DOUBLE_EQ(std::get<Slosh>(effects.front()).mass_kg, 0.5 * flown.vehicle.mass_kg);
   EXPECT_NO_THROW(Plant(flown.vehicle, effects, kStart));
+}
+
+TEST(Library, TheFloorReachesACellBeyondTheBearings) {
+  Flown flown({}, 40.0, 41);
+  const Box box = visited(flown.flights);
+  for (const Hypothesis& hypothesis : hypotheses(flown.vehicle, flown.flights)) {
+    if (hypothesis.kind != FloorUnevenness::kKind) continue;
+    const Lattice lattice = lattice_of(hypothesis.starts.front().effect);
+    const double reach = 0.15 + lattice.grid.spacing_m;
+    const Eigen::Vector2d low = lattice.place(0), high = lattice.place(lattice.nodes() - 1);
+    EXPECT_LE(low.x(), box.x0 - reach);
+    EXPECT_LE(low.y(), box.y0 - reach);
+    EXPECT_GE(high.x(), box.x1 + reach);
+    EXPECT_GE(high.y(), box.y1 + reach);
+  }
 }
 
 TEST(Library, ValvesThatSwallowPulsesAreMovedInFineSteps) {
