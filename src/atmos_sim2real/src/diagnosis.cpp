@@ -203,9 +203,10 @@ Diagnosis diagnose(const Vehicle& vehicle, const std::vector<Effect>& known, std
   }
 
   // Last, as many nodes make everything slow.
+  constexpr double kBeyond = 0.6;  // m
   for (std::size_t i = 0; i < found.final.effects.size(); ++i) {
     if (over_the_floor(found.final.effects[i]))
-      out.search.final = continued(problem, std::move(out.search.final), i);
+      out.search.final = relaid(problem, std::move(out.search.final), i, kBeyond);
   }
   add_covariance(problem, out.search.final);
 

@@ -107,13 +107,14 @@ Fit with_best_prior(const Problem& problem, Fit fit, std::size_t map) {
   return suited.evidence > fit.evidence ? suited : fit;
 }
 
-Fit continued(const Problem& problem, Fit fit, std::size_t map) {
-  constexpr double kFine = 0.2, kBeyond = 0.6;  // m
+Fit relaid(const Problem& problem, Fit fit, std::size_t map, double beyond_m) {
+  constexpr double kFine = 0.2;  // m
   const bool floor = std::holds_alternative<FloorUnevenness>(fit.effects[map]);
   const Lattice old = lattice_of(fit.effects[map]);
   const Eigen::Vector2d low = old.place(0), high = old.place(old.nodes() - 1);
   const double spacing = floor ? std::min(kFine, old.grid.spacing_m) : old.grid.spacing_m;
-  const Lattice lattice = lattice_over({low.x(), high.x(), low.y(), high.y()}, kBeyond, spacing);
+  if (beyond_m == 0.0 && spacing == old.grid.spacing_m) return fit;
+  const Lattice lattice = lattice_over({low.x(), high.x(), low.y(), high.y()}, beyond_m, spacing);
 
   std::vector<Effect> effects = fit.effects;
   lay_out(effects[map], lattice);

@@ -2,22 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <iterator>
 #include <limits>
-#include <map>
 #include <optional>
 #include <utility>
 
+#include "atmos_sim2real/attempts.h"
 #include "atmos_sim2real/crossvalidation.h"
 #include "atmos_sim2real/discover.h"
-#include "atmos_sim2real/floor_map.h"
-#include "atmos_sim2real/force_field.h"
 #include "atmos_sim2real/map_prior.h"
 #include "atmos_sim2real/merge.h"
 #include "atmos_sim2real/onset.h"
-#include "atmos_sim2real/patch.h"
-#include "atmos_sim2real/simpler_form.h"
+#include "atmos_sim2real/reconsider.h"
+#include "atmos_sim2real/settle.h"
 
 namespace atmos {
 
@@ -34,120 +30,6 @@ bool is_claimed(const std::vector<Claim>& claims, const Hypothesis& hypothesis) 
 }
 
 namespace {
-
-// Where a fit of the current model with one screened hypothesis starts.
-Fit with(const Fit& base, const Hypothesis& hypothesis, const Screened& at) {
-  Fit extended;
-  extended.effects = base.effects;
-  extended.free = base.free;
-  const std::size_t index = extended.effects.size();
-  const Start& start = at.start;
-  extended.effects.push_back(start.effect);
-  for (const FreeParameter& free : at_effect(hypothesis.free, index)) extended.free.push_back(free);
-  const std::vector<FreeParameter> linear = at_effect(named(hypothesis.free, start.linear), index);
-  for (std::size_t p = 0; p < linear.size(); ++p)
-    parameter(extended.effects, linear[p]) += at.amplitude[static_cast<Eigen::Index>(p)];
-  return extended;
-}
-
-// Whether a fit at the present noise tells that nothing is to be gained: not of what is searched for after it
-// (a map's prior, a disc, an onset), nor of laws that lie far from all their starts.
-bool tells_at_once(const Hypothesis& hypothesis) {
-  return !hypothesis.map && !hypothesis.local && !hypothesis.sure_of_a_fit && hypothesis.onsets == 0.0;
-}
-
-// What replacing one fit by another at the same noise gains once the noise is fitted again, roughly: the
-// level of each axis falls with what is left there. [nats]
-double gain_to_expect(const Fit& before, const Fit& after) {
-  double gain = 0.0;
-  for (int axis = 0; axis < kAxes; ++axis) {
-    double frames = 0.0, squares_before = 0.0, squares_after = 0.0;
-    for (std::size_t f = 0; f < before.innovations.size(); ++f) {
-      const Eigen::Index n = before.innovations[f].size() / kAxes;
-      frames += static_cast<double>(n);
-      squares_before += before.innovations[f].segment(axis * n, n).squaredNorm();
-      squares_after += after.innovations[f].segment(axis * n, n).squaredNorm();
-    }
-    gain += 0.5 * frames * std::log(squares_before / squares_after);
-  }
-  return gain;
-}
-
-// One screened hypothesis beside one model.
-struct Attempt {
-  const Fit* beside;
-  const Screened* candidate;
-  double least = 0.0;  // nats to expect, or it is not worth fitting further
-};
-
-// Fits the model with the hypothesis. The flights are smoothed under the model before and after.
-Tried attempt(const Problem& problem, const Attempt& wanted, double looseness) {
-  const Fit& current = *wanted.beside;
-  const Screened& candidate = *wanted.candidate;
-  const Hypothesis& hypothesis = *candidate.hypothesis;
-  const auto tried = [&](Fit fitted) {
-    const double gain = fitted.evidence - current.evidence - choices_of(hypothesis);
-    // Of the linearisation, which may be large, nothing is kept: it can be had again.
-    fitted.linearisation.reset();
-    return Tried{hypothesis, std::move(fitted),
-                 std::isnan(gain) ? -std::numeric_limits<double>::infinity() : gain};
-  };
-  Fit fitted = with(current, hypothesis, candidate);
-  clamp_to_bounds(fitted.effects, fitted.free);
-  fitted.linearisation = current.linearisation;
-  if (tells_at_once(hypothesis)) {
-    Fit start = evaluate(problem, std::move(fitted.effects), std::move(fitted.free), current.noise);
-    start.linearisation = std::move(fitted.linearisation);
-    fitted = refine(problem, std::move(start), 4);
-    if (!(fitted.evidence > current.evidence) || gain_to_expect(current, fitted) < wanted.least)
-      return tried(std::move(fitted));
-    fitted = with_noise_refitted(problem, std::move(fitted), FitEffort::kThorough);
-  } else {
-    fitted = fit(problem, std::move(fitted.effects), std::move(fitted.free), current.noise,
-                 FitEffort::kThorough, std::move(fitted.linearisation));
-  }
-  if (std::holds_alternative<FrictionPatch>(fitted.effects.back())) {
-    fitted = refine_patch(problem, std::move(fitted), fitted.effects.size() - 1, looseness);
-    smooth_all(problem, current.effects, current.noise, looseness);
-    fitted = fit(problem, fitted.effects, fitted.free, current.noise);
-  }
-  if (hypothesis.onsets > 0.0) {
-    fitted = refine_onset(problem, std::move(fitted), current.effects.size());
-    fitted = fit(problem, fitted.effects, fitted.free, fitted.noise);
-  }
-  if (over_the_floor(fitted.effects.back()))
-    fitted = with_best_prior(problem, std::move(fitted), fitted.effects.size() - 1);
-  if (!hypothesis.map) add_covariance(problem, fitted);
-  return tried(std::move(fitted));
-}
-
-// Bytes of the columns of a fit.
-double size_of_columns(const Problem& problem, const Attempt& attempt) {
-  double rows = 0.0;
-  for (const Flight& flight : *problem.flights) rows += static_cast<double>(kAxes * flight.frames());
-  return sizeof(double) * rows *
-         static_cast<double>(attempt.beside->free.size() + attempt.candidate->hypothesis->free.size());
-}
-
-// All of them, side by side but for those that smooth the flights along their own way, or are large.
-std::vector<Tried> attempts(const Problem& problem, const std::vector<Attempt>& wanted, double looseness) {
-  std::vector<Tried> tried(wanted.size());
-  constexpr double kLarge = 100e6;  // bytes
-  std::vector<std::size_t> alone, together;
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    const bool patch = std::holds_alternative<FrictionPatch>(wanted[i].candidate->start.effect);
-    (patch || size_of_columns(problem, wanted[i]) > kLarge ? alone : together).push_back(i);
-  }
-  // What takes longest goes first.
-  std::stable_sort(together.begin(), together.end(), [&](std::size_t a, std::size_t b) {
-    return size_of_columns(problem, wanted[a]) > size_of_columns(problem, wanted[b]);
-  });
-  const auto make = [&](std::size_t i) { tried[i] = attempt(problem, wanted[i], looseness); };
-  in_parallel(together.size(), [&](std::size_t k) { make(together[k]); });
-  for (const std::size_t i : alone) make(i);
-  return tried;
-}
-
 // How far open-loop motion over 5 s strays from the recording when it starts on the smoothed motion: root
 // mean square of position [m] and of yaw [rad]. Quick enough to judge every candidate by.
 struct OpenLoopError {
@@ -194,13 +76,6 @@ bool wins_back(double share, const OpenLoopError& nominal, const OpenLoopError& 
          before.yaw_rad - after.yaw_rad > share * nominal.yaw_rad;
 }
 
-std::string label(const Hypothesis& hypothesis) {
-  return hypothesis.kind + (hypothesis.thruster > 0 ? " " + std::to_string(hypothesis.thruster) : "") +
-         (hypothesis.law.empty() ? "" : " (" + hypothesis.law + ")");
-}
-
-bool by_gain(const Tried& a, const Tried& b) { return a.gain > b.gain; }
-
 // Velocities smoothed under the model so far favour candidates that resemble it: where the best are close,
 // each is judged along the motion that it implies itself. `tried`: best first, before and after.
 void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tried, double looseness,
@@ -232,19 +107,6 @@ void play_off(const Problem& problem, const Fit& current, std::vector<Tried>& tr
   smooth_all(problem, current.effects, current.noise, looseness);
 }
 
-// Numbers that an effect takes; of a map so many, whatever its nodes, that one field is simpler than two.
-std::size_t complexity(const Hypothesis& hypothesis) {
-  constexpr std::size_t kField = 1000;
-  return hypothesis.map ? kField * hypothesis.starts.front().linear.size() : hypothesis.free.size();
-}
-
-// Whether an effect of this gain is a wind that is but the slopes of a floor: one without curl would be rare.
-bool blows_as_slopes(const Effect& effect, double gain, double gain_of_floor) {
-  constexpr double kNoCurl = 0.1, kNearlyItsGain = 0.85;  // of its variation; of the wind's gain
-  const auto* wind = std::get_if<Airflow>(&effect);
-  return wind != nullptr && share_with_curl(*wind) < kNoCurl && gain_of_floor > kNearlyItsGain * gain;
-}
-
 // Of candidates that explain the flights equally well, the simplest is named: friction everywhere and not in
 // a patch that happens to cover all that was visited, an uneven floor and not a wind that blows as its
 // slopes, what has a name before a law that has none; of an inseparable set its first.
@@ -272,45 +134,9 @@ void simplest_of_equals_first(std::vector<Tried>& tried) {
   }
 }
 
-// The best starts of the best hypotheses, and of those that are sure of a fit: maps if they are not hopeless,
-// others once wherever something asks to be explained.
-std::vector<Screened> shortlist(const std::vector<Screened>& scored, std::size_t most,
-                                const SearchOptions& options) {
-  constexpr double kMostGrowth = 5.0;  // from a screen to a fit, over that of the best
-  std::vector<Screened> chosen;
-  std::map<const Hypothesis*, std::size_t> taken;
-  std::size_t kinds = 0;
-  for (const Screened& candidate : scored) {
-    std::size_t& starts = taken[candidate.hypothesis];
-    const bool map = candidate.hypothesis->map;
-    const bool sure = candidate.hypothesis->sure_of_a_fit;
-    if (starts == 0 ? (kinds >= most && !sure) : starts >= 2) continue;
-    // A map's Occam factor is paid with the misfit's noise here, which is unfair to it; but it must gain more
-    // than a map of nothing would (three standard deviations of half a chi-square).
-    const bool asked_for = sure && starts == 0 && scored.front().score > options.accept_gain;
-    const bool hopeless = map ? candidate.gain < candidate.chance + 3.0 * std::sqrt(candidate.chance)
-                              : candidate.score < 0.0 && !asked_for;
-    // It is costly to fit, and has its turn when what towers over it is known.
-    const bool outshone = map && kMostGrowth * candidate.gain < scored.front().score;
-    if (hopeless || outshone) continue;
-    if (starts == 0 && !sure) ++kinds;
-    ++starts;
-    chosen.push_back(candidate);
-  }
-  return chosen;
-}
-
-bool is_plain(const Hypothesis& hypothesis) {
-  return !hypothesis.map && !hypothesis.local && hypothesis.law.empty();
-}
-
 // What a map that comes first must win back of the nominal model's error, over nothing and over a plain
 // effect: a motion capture that is distorted over the floor looks like a map of small forces too.
 constexpr double kShareOfFirstMap = 0.2;
-
-// A plain effect of so few parameters stands before a map that has not much more evidence.
-constexpr std::size_t kFew = 2;
-constexpr double kNearly = 0.8;  // of the map's gain
 
 // A map imitates one or two effects of few parameters, and a little of everything else. Where one alone
 // predicts the motion nearly as well, or two explain the flights as well as the best map does, the first goes
@@ -371,14 +197,6 @@ void plain_before_strange(const Problem& problem, const std::vector<Hypothesis>&
   if (first_of_best) to_front(*first_of_best);
 }
 
-constexpr const char* kDoesNotHold = "does not hold on unseen data";
-
-// What happened once, or lies in one place, cannot help where a fit has not seen it.
-bool holds_on_unseen_data(const Hypothesis& hypothesis, const BlockEvidence& blocks,
-                          const SearchOptions& options) {
-  return hypothesis.local || (blocks.heldout_gain > 0.0 && blocks.inclusion >= options.least_inclusion);
-}
-
 // Why a candidate with enough evidence is not named all the same; empty when it is.
 std::string objection_to(const Problem& problem, const Tried& candidate, const BlockEvidence& blocks,
                          const std::vector<Claim>& claims, const OpenLoopError& nominal_error,
@@ -398,331 +216,6 @@ std::string objection_to(const Problem& problem, const Tried& candidate, const B
       !wins_back(kShare, nominal_error, present_error, error))
     return "changes the motion too little to be named";
   return "";
-}
-
-// The priors of all maps but the newest effect were chosen beside less: weighs them again.
-Fit with_priors_again(const Problem& problem, Fit current) {
-  for (std::size_t i = 0; i + 1 < current.effects.size(); ++i) {
-    if (over_the_floor(current.effects[i])) current = with_best_prior(problem, std::move(current), i);
-  }
-  return current;
-}
-
-// Noise in which a valve that stays open over several commands makes one pulse of them, or one of each: as
-// the flights have it under these effects. They are smoothed under the noise that is returned.
-NoiseModel with_likelier_pulses(const Problem& problem, const std::vector<Effect>& effects,
-                                const NoiseModel& present, double looseness) {
-  constexpr double kClear = 3.0;  // nats
-  const auto smoothed = [&](NoiseModel noise) {
-    smooth_all(problem, effects, noise, looseness);
-    noise = profile_noise(problem, effects, noise, true);
-    return std::pair(evaluate(problem, effects, {}, noise).log_likelihood, noise);
-  };
-  NoiseModel other = present;
-  other.joins_pulses = !present.joins_pulses;
-  const auto [other_likelihood, other_noise] = smoothed(other);
-  const auto [likelihood, noise] = smoothed(present);
-  if (other_likelihood < likelihood + kClear) return noise;
-  smooth_all(problem, effects, other_noise, looseness);
-  return other_noise;
-}
-
-// Fits along the motion that the model itself implies, until that no longer changes: friction that nearly
-// holds the robot shows itself only step by step.
-Fit settled(const Problem& problem, Fit current, double looseness) {
-  constexpr int kMost = 4;
-  constexpr double kEnough = 2.0;  // nats
-  const auto newest = std::prev(current.effects.end());
-  const bool earlier_map = std::any_of(current.effects.begin(), newest, over_the_floor);
-  const bool map = earlier_map || over_the_floor(*newest);
-  for (int round = 0; round < kMost; ++round) {
-    for (std::size_t i = 0; round == 0 && i < current.effects.size(); ++i) {
-      current = refine_onset(problem, std::move(current), i);
-      current = refine_patch(problem, std::move(current), i, looseness);
-    }
-    if (round == 0)
-      current.noise = with_likelier_pulses(problem, current.effects, current.noise, looseness);
-    else
-      smooth_all(problem, current.effects, current.noise, looseness);
-    const double before = current.log_likelihood;
-    current = fit(problem, current.effects, current.free, current.noise,
-                  round == 0 ? FitEffort::kThorough : FitEffort::kQuick);
-    if (round == 0 && earlier_map)
-      current = with_priors_again(problem, std::move(current));
-    else if (map)
-      break;  // costly, and what it pushes does not depend on the velocity
-    if (round > 0 && std::abs(current.log_likelihood - before) < kEnough) break;
-  }
-  return current;
-}
-
-// Pushes were claimed when less was known, which may have hidden some and made up others.
-Fit with_pushes_reviewed(const Problem& problem, Fit current, double looseness,
-                         const SearchOptions& options) {
-  for (std::size_t i = 0; i < current.effects.size(); ++i) {
-    if (!std::holds_alternative<ExternalImpulse>(current.effects[i])) continue;
-    const auto reviewed = with_pushes_again(problem, current, i, options.accept_gain_of_local);
-    if (!reviewed) continue;
-    const auto count = [i](const Fit& fit) {
-      return std::to_string(std::get<ExternalImpulse>(fit.effects[i]).events.size());
-    };
-    options.progress("  pushes: " + count(*reviewed) + " instead of " + count(current));
-    smooth_all(problem, reviewed->effects, reviewed->noise, looseness);
-    current = fit(problem, reviewed->effects, reviewed->free, reviewed->noise, FitEffort::kQuick);
-  }
-  return current;
-}
-
-// The model without effect `index`, refitted.
-Fit without(const Problem& problem, Fit rest, std::size_t index) {
-  rest.linearisation.reset();
-  rest.take_out(index);
-  return fit(problem, std::move(rest.effects), std::move(rest.free), rest.noise, FitEffort::kQuick);
-}
-
-// Whether an effect is so many deviations away from its absence that a refit without it need not be asked.
-bool plainly_there(const Fit& fit, std::size_t index) {
-  constexpr double kPlain = 10.0;  // deviations: 50 nats
-  const Effect& effect = fit.effects[index];
-  // Of these not every number is a size: a time or a place is away from its prior's mean anyway.
-  if (std::holds_alternative<Tether>(effect) || std::holds_alternative<FrictionPatch>(effect) ||
-      std::holds_alternative<Slosh>(effect) || std::holds_alternative<FloorVibration>(effect) ||
-      std::holds_alternative<SupplyDroop>(effect) || std::holds_alternative<Unmodelled>(effect))
-    return false;
-  for (std::size_t p = 0; p < fit.free.size(); ++p) {
-    const FreeParameter& free = fit.free[p];
-    if (free.effect != index || free.joint != nullptr) continue;
-    const auto at = static_cast<Eigen::Index>(p);
-    if (std::abs(parameter(fit.effects, free) - free.prior_mean) > kPlain * std::sqrt(fit.covariance(at, at)))
-      return true;
-  }
-  return false;
-}
-
-std::vector<Hypothesis> unclaimed(const std::vector<Hypothesis>& all, const std::vector<Claim>& claims) {
-  std::vector<Hypothesis> open;
-  for (const Hypothesis& hypothesis : all) {
-    if (!is_claimed(claims, hypothesis)) open.push_back(hypothesis);
-  }
-  return open;
-}
-
-std::vector<Fit> leave_one_out(const Problem& problem, const Fit& current, const Fit& nominal) {
-  std::vector<Fit> fits;
-  if (current.effects.size() == 1) {
-    NoiseModel noise = nominal.noise;
-    noise.joins_pulses = current.noise.joins_pulses;
-    fits.push_back(fit(problem, nominal.effects, {}, noise, FitEffort::kQuick));
-    return fits;
-  }
-  for (std::size_t i = 0; i < current.effects.size(); ++i) fits.push_back(without(problem, current, i));
-  return fits;
-}
-
-// What came earlier must still be needed beside what came later, or else the worse of the two goes; where
-// that is the newest, it has had its turn. Whether any went.
-bool drop_needless(const Problem& problem, Fit& current, std::vector<Claim>& claims,
-                   std::vector<Claim>& refused, double looseness, const SearchOptions& options) {
-  bool dropped = false;
-  for (std::size_t i = 0; i + 1 < claims.size();) {
-    if (current.covariance.size() == 0) add_covariance(problem, current);
-    if (plainly_there(current, i)) {
-      ++i;
-      continue;
-    }
-    Fit reduced = without(problem, current, i);
-    const double worth = current.evidence - reduced.evidence - choices_of(claims[i].hypothesis);
-    if (worth >= options.needed(claims[i].hypothesis)) {
-      ++i;
-      continue;
-    }
-    const Hypothesis& newest = claims.back().hypothesis;
-    Fit as_before = without(problem, current, claims.size() - 1);
-    const bool newest_goes =
-        as_before.evidence - choices_of(claims[i].hypothesis) > reduced.evidence - choices_of(newest);
-    options.progress("dropped " + label(newest_goes ? newest : claims[i].hypothesis));
-    dropped = true;
-    if (newest_goes) {
-      refused.push_back(std::move(claims.back()));
-      claims.pop_back();
-      current = settled(problem, std::move(as_before), looseness);
-    } else {
-      current = std::move(reduced);
-      claims.erase(claims.begin() + static_cast<long>(i));
-    }
-  }
-  return dropped;
-}
-
-// What took an effect's place is the last of its fit; the claim goes there too.
-void move_to_end(std::vector<Claim>& claims, std::size_t index) {
-  const auto claim = claims.begin() + static_cast<long>(index);
-  std::rotate(claim, claim + 1, claims.end());
-}
-
-// Names effects by their simpler forms (simpler_form.h). Whether one was renamed.
-bool simplify(const Problem& problem, const std::vector<Hypothesis>& library, Fit& current,
-              std::vector<Claim>& claims, const SearchOptions& options) {
-  const std::vector<Hypothesis> open = unclaimed(library, claims);
-  bool renamed = false;
-  for (std::size_t i = 0; i < claims.size();) {
-    std::optional<SimplerForm> form = simpler_form(problem, current, i, claims[i].hypothesis, open);
-    if (!form) {
-      ++i;
-      continue;
-    }
-    options.progress("  " + label(form->hypothesis) + " says the same as " + label(claims[i].hypothesis));
-    current = std::move(form->fit);
-    claims[i].hypothesis = std::move(form->hypothesis);
-    claims[i].rival_reference += form->gain;
-    move_to_end(claims, i);
-    renamed = true;
-  }
-  return renamed;
-}
-
-// An effect was named before its neighbours were known, and may have stood for several: tries the best rivals
-// of each in its place, beside all others. `screening`: of the final model. `without_each`: that model
-// without each effect. Whether one was replaced.
-bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims, const Screening& screening,
-                const std::vector<Fit>& without_each, double looseness, const SearchOptions& options) {
-  constexpr double kClearlyBetter = 3.0;               // nats
-  constexpr double kLeastShare = 0.7, kLeeway = 10.0;  // of the claim's gain; nats
-  constexpr std::size_t kRivals = 3;
-  std::vector<std::vector<Screened>> promising;  // per claim
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    // Screens shrink differences, but not to less than half.
-    promising.push_back(shortlist(screening.in_place_of(i), kRivals, options));
-    const double least = 0.5 * (screening.worth(i) - choices_of(claims[i].hypothesis));
-    promising.back().erase(std::remove_if(promising.back().begin(), promising.back().end(),
-                                          [&](const Screened& rival) { return rival.score < least; }),
-                           promising.back().end());
-  }
-  std::vector<Attempt> wanted;
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    const Fit& rest = without_each[i];
-    const Fit claimed = evaluate(problem, current.effects, {}, rest.noise);
-    const double least = kLeastShare * gain_to_expect(rest, claimed) - kLeeway;
-    for (const Screened& rival : promising[i]) wanted.push_back({&rest, &rival, least});
-  }
-  std::vector<Tried> tried = attempts(problem, wanted, looseness);
-  auto next = tried.begin();
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    Claim& claim = claims[i];
-    const auto end = next + static_cast<long>(promising[i].size());
-    claim.rivals.assign(std::make_move_iterator(next), std::make_move_iterator(end));
-    next = end;
-    claim.rival_reference = current.evidence - without_each[i].evidence - choices_of(claim.hypothesis);
-    std::sort(claim.rivals.begin(), claim.rivals.end(), by_gain);
-  }
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    Claim& claim = claims[i];
-    const auto named = std::find_if(claim.rivals.begin(), claim.rivals.end(),
-                                    [](const Tried& tried) { return tried.hypothesis.law.empty(); });
-    const double best_named =
-        named == claim.rivals.end() ? claim.rival_reference : std::max(claim.rival_reference, named->gain);
-    const auto rival = std::find_if(claim.rivals.begin(), claim.rivals.end(), [&](const Tried& tried) {
-      // What has no name is asked for by what no name explains.
-      const double reference = tried.hypothesis.law.empty() ? claim.rival_reference : best_named;
-      const bool floor = tried.hypothesis.kind == FloorUnevenness::kKind;
-      if (floor && blows_as_slopes(current.effects[i], claim.rival_reference, tried.gain)) return true;
-      const bool imitates = tried.hypothesis.map && complexity(claim.hypothesis) <= kFew &&
-                            claim.rival_reference > kNearly * tried.gain;
-      const bool slopes = claim.hypothesis.kind == FloorUnevenness::kKind &&
-                          blows_as_slopes(tried.fit.effects.back(), tried.gain, claim.rival_reference);
-      return tried.gain > reference + kClearlyBetter && !imitates && !slopes;
-    });
-    if (rival == claim.rivals.end()) continue;
-    const std::size_t last = rival->fit.effects.size() - 1;
-    const BlockEvidence blocks = block_evidence(problem, without_each[i], rival->fit, last, options.seed);
-    if (!holds_on_unseen_data(rival->hypothesis, blocks, options)) {
-      options.progress("  " + label(rival->hypothesis) + " " + kDoesNotHold);
-      continue;
-    }
-    options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
-    Tried better = std::move(*rival);
-    claim.rivals.erase(rival);
-    claim.hypothesis = better.hypothesis;
-    claim.gain = claim.rival_reference = better.gain;
-    current = std::move(better.fit);
-    move_to_end(claims, i);
-    return true;
-  }
-  return false;
-}
-
-// What a model is worth, for models with other effects.
-double worth(const Fit& fit, const std::vector<Claim>& claims) {
-  double nats = fit.evidence;
-  for (const Claim& claim : claims) nats -= choices_of(claim.hypothesis);
-  return nats;
-}
-
-bool are_inseparable(const std::string& a, const std::string& b) {
-  return std::any_of(inseparable().begin(), inseparable().end(), [&](const std::vector<std::string>& set) {
-    const auto in_set = [&](const std::string& kind) {
-      return std::find(set.begin(), set.end(), kind) != set.end();
-    };
-    return in_set(a) && in_set(b);
-  });
-}
-
-// A rival of one claim.
-struct Swap {
-  std::size_t claim;
-  const Tried* rival;
-  double behind;  // nats
-};
-
-// The nearest plain rivals of all claims, whose own lists have the best first.
-std::vector<Swap> nearest_rivals(const std::vector<Claim>& claims, std::size_t most) {
-  constexpr double kShare = 0.5;  // of the claim's gain that a rival must reach
-  std::vector<Swap> swaps;
-  for (std::size_t i = 0; i < claims.size(); ++i) {
-    for (const Tried& rival : claims[i].rivals) {
-      const bool other = is_plain(rival.hypothesis) &&
-                         !same_subject(rival.hypothesis, claims[i].hypothesis) &&
-                         !are_inseparable(rival.hypothesis.kind, claims[i].hypothesis.kind);
-      const bool another_start = std::any_of(swaps.begin(), swaps.end(), [&](const Swap& swap) {
-        return swap.claim == i && same_subject(swap.rival->hypothesis, rival.hypothesis);
-      });
-      if (other && !another_start && rival.gain > kShare * claims[i].rival_reference)
-        swaps.push_back({i, &rival, claims[i].rival_reference - rival.gain});
-    }
-  }
-  std::sort(swaps.begin(), swaps.end(), [](const Swap& a, const Swap& b) { return a.behind < b.behind; });
-  swaps.resize(std::min(swaps.size(), most));
-  return swaps;
-}
-
-// Where two effects resemble each other, the wrong one may have been named, and another to make up for it, so
-// that only both together can change: tries the nearest rivals with others in place of the rest. Whether
-// that is better.
-bool reconsider_together(const Problem& problem, const std::vector<Hypothesis>& library, const Fit& nominal,
-                         Fit& current, std::vector<Claim>& claims, double looseness,
-                         const SearchOptions& options) {
-  constexpr double kClearlyBetter = 3.0;  // nats
-  constexpr std::size_t kMost = 3;
-  if (claims.size() < 2) return false;
-  for (const Swap& swap : nearest_rivals(claims, kMost)) {
-    Fit other = swap.rival->fit;
-    std::vector<Claim> others = claims;
-    others[swap.claim].hypothesis = swap.rival->hypothesis;
-    move_to_end(others, swap.claim);
-    std::vector<Hypothesis> open = unclaimed(library, others);
-    open.erase(std::remove_if(open.begin(), open.end(), std::not_fn(is_plain)), open.end());
-    const Screening screening(problem, other, open);
-    const std::vector<Fit> without_each = leave_one_out(problem, other, nominal);
-    options.progress("  with " + label(swap.rival->hypothesis) + " in place of " +
-                     label(claims[swap.claim].hypothesis) + ":");
-    if (!reconsider(problem, other, others, screening, without_each, looseness, options)) continue;
-    if (worth(other, others) < worth(current, claims) + kClearlyBetter) continue;
-    options.progress("  which explains more");
-    current = std::move(other);
-    claims = std::move(others);
-    return true;
-  }
-  return false;
 }
 
 }  // namespace
@@ -804,6 +297,9 @@ SearchResult search(const Problem& problem, const std::vector<Hypothesis>& libra
       result.rejected = std::move(tried);
       break;
     }
+    // What a floor leaves between nodes that are far apart would be named.
+    if (std::holds_alternative<FloorUnevenness>(current.effects.back()))
+      current = relaid(problem, std::move(current), current.effects.size() - 1, 0.0);
     // Velocities under the better model, then everything again at its noise.
     looseness = 4.0;
     current = settled(problem, std::move(current), looseness);

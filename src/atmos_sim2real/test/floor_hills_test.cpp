@@ -102,5 +102,18 @@ TEST(NodeLikelihood, EvidenceOfANormalPrior) {
               1e-12);
 }
 
+TEST(FloorHills, NoneIsNarrowerThanNodesAreApart) {
+  // One node stands out of a floor that is flat everywhere else, measured to 20 um.
+  const Lattice lattice = lattice_over({0.0, 3.0, 0.0, 2.4}, 0.0, 0.2);
+  const auto n = static_cast<Eigen::Index>(lattice.nodes());
+  const Eigen::Index spike = 5 * static_cast<Eigen::Index>(lattice.columns) + 7;
+  const double weight = 1.0 / (20e-6 * 20e-6);
+  NodeLikelihood likelihood{Eigen::VectorXd::Zero(n), weight * 4e-4 * Eigen::VectorXd::Unit(n, spike),
+                            weight * Eigen::MatrixXd::Identity(n, n)};
+  const HillyFloor found = find_hills(likelihood, lattice);
+  ASSERT_GT(found.hills, 0u);
+  EXPECT_GT(found.height_m[spike + 1], 0.3 * found.height_m[spike]);
+}
+
 }  // namespace
 }  // namespace atmos
