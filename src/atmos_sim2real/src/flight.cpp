@@ -63,33 +63,43 @@ void smooth_axis(const std::vector<double>& times, const std::vector<double>& me
   }
 }
 
+std::vector<Frame> each_alone(const std::vector<PoseSample>& poses) {
+  std::vector<Frame> frames;
+  for (const PoseSample& pose : poses) frames.push_back({pose, 0.0});
+  return frames;
+}
+
 // Means of consecutive poses, so many that about 50 a second remain; never over more than the time that these
 // take, so that a gap stays one.
-std::vector<PoseSample> averaged(const std::vector<PoseSample>& poses) {
-  const double kFrame =
-      getenv("KFRAME") ? atof(getenv("KFRAME")) : 0.02;  // s: a push bends the motion by microns meanwhile
-  if (poses.size() < 2) return poses;
+std::vector<Frame> averaged(const std::vector<PoseSample>& poses) {
+  constexpr double kFrame = 0.02;  // s: a push bends the motion by microns meanwhile
+  if (poses.size() < 2) return each_alone(poses);
   std::vector<double> steps;
   for (std::size_t i = 1; i < poses.size(); ++i) steps.push_back(poses[i].time_s - poses[i - 1].time_s);
   const auto middle = steps.begin() + static_cast<long>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   const double step = *middle;
   const auto together = static_cast<std::size_t>(kFrame / step + 0.25);
-  if (together < 2) return poses;
+  if (together < 2) return each_alone(poses);
   const double longest = (static_cast<double>(together) + 0.5) * step;
-  std::vector<PoseSample> means;
+  std::vector<Frame> means;
   for (std::size_t begin = 0, end = 0; begin < poses.size(); begin = end) {
     PoseSample sum{0.0, 0.0, 0.0, 0.0};
+    double squares = 0.0;  // s^2
     const PoseSample& first = poses[begin];
     for (; end < poses.size() && end - begin < together && poses[end].time_s - first.time_s < longest;
          ++end) {
-      sum.time_s += poses[end].time_s - first.time_s;
+      const double after = poses[end].time_s - first.time_s;
+      sum.time_s += after;
+      squares += after * after;
       sum.x_m += poses[end].x_m;
       sum.y_m += poses[end].y_m;
       sum.yaw_rad += poses[end].yaw_rad;
     }
     const auto n = static_cast<double>(end - begin);
-    means.push_back({first.time_s + sum.time_s / n, sum.x_m / n, sum.y_m / n, sum.yaw_rad / n});
+    const double mean = sum.time_s / n;
+    means.push_back(
+        {{first.time_s + mean, sum.x_m / n, sum.y_m / n, sum.yaw_rad / n}, squares / n - mean * mean});
   }
   return means;
 }
@@ -127,11 +137,13 @@ bool Path::Key::operator==(const Key& other) const {
 
 Flight::Flight(Recording recording) : Flight(recording, averaged(recording.poses)) {}
 
-Flight Flight::of_every_pose(Recording recording) { return Flight(recording, recording.poses); }
+Flight Flight::of_every_pose(Recording recording) { return Flight(recording, each_alone(recording.poses)); }
 
-Flight::Flight(Recording recording, std::vector<PoseSample> frames)
-    : recording_(std::move(recording)), poses_(std::move(frames)) {
-  for (const PoseSample& pose : poses_) {
+Flight::Flight(Recording recording, const std::vector<Frame>& frames) : recording_(std::move(recording)) {
+  for (const Frame& frame : frames) {
+    const PoseSample& pose = frame.pose;
+    poses_.push_back(pose);
+    spread_s2_.push_back(frame.spread_s2);
     times_.push_back(pose.time_s);
     PlanarState<double> state;
     state.p_WC = {pose.x_m, pose.y_m};
@@ -154,7 +166,8 @@ PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
 }
 
 std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
-  constexpr double kLongest = 0.025;  // s: a lost frame must not hide how the force changes on the way
+  constexpr double kLongest = 0.025;       // s: a lost frame must not hide how the force changes on the way
+  constexpr double kLongestHidden = 0.01;  // s: of hidden states it would hide how they change themselves
   const PlantProperties& properties = plant.properties();
   const bool hidden_states = plant.hidden_size() > 1;
   const Path::Key key{properties.timing,
@@ -162,7 +175,7 @@ std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
                       properties.mocap_latency_s,
                       properties.stamp_skew,
                       plant.start_s(),
-                      hidden_states ? std::min(kLongest, plant.max_step_s()) : kLongest,
+                      hidden_states ? std::min(kLongestHidden, plant.max_step_s()) : kLongest,
                       plant.thruster_count(),
                       properties.marker_B - properties.com_B,
                       properties.mocap_yaw_offset_rad};
@@ -284,7 +297,18 @@ ForceIntegrals Flight::integrate(const Plant& plant, std::vector<VecX<double>>* 
     if (hidden_at_frame != nullptr) (*hidden_at_frame)[before_first ? 0 : step.frame + 1] = hidden;
     if (!before_first) add(step, rate.body, out);
   }
+  take_off_bend(out);
   return out;
+}
+
+void Flight::take_off_bend(ForceIntegrals& forces) const {
+  for (int axis = 0; axis < kAxes; ++axis) {
+    for (std::size_t i = 1; i + 1 < frames(); ++i) {
+      const double acceleration =
+          (forces.dv[axis][i - 1] + forces.dv[axis][i]) / (times_[i + 1] - times_[i - 1]);
+      forces.measured[axis][i] -= 0.5 * spread_s2_[i] * acceleration;
+    }
+  }
 }
 
 std::shared_ptr<const std::vector<Whitener>> Flight::whiteners(const NoiseModel& noise) const {

@@ -79,6 +79,33 @@ TEST(Flight, FramesAreMeansOfPosesThatComeFasterThanMotionCanChange) {
   EXPECT_EQ(Flight(sliding(60.0, 600)).frames(), 600u);
 }
 
+TEST(Flight, MeansOfPosesAreNoMatterOfHowThrustBendsTheWay) {
+  const Vehicle vehicle = nominal_vehicle();
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 20.0, 5);
+  for (ThrusterCommand& command : commands) {
+    for (double& duty : command.duty) duty = duty > 0.0 ? 1.0 : 0.0;
+  }
+  const SyntheticFlight flown = fly_ideal(vehicle, {}, commands);
+  const Plant plant(vehicle, {}, kStart);
+  const Flight flight(flown.recording);
+  const ForceIntegrals forces = flight.integrate(plant);
+  double worst = 0.0, bend = 0.0;
+  for (std::size_t i = 1; i + 1 < flight.frames(); ++i) {
+    // Between frames the force is the same, or an edge is near.
+    const auto rate = [&](std::size_t k) {
+      return forces.dv[kX][k] / (flight.times()[k + 1] - flight.times()[k]);
+    };
+    if (std::abs(rate(i) - rate(i - 1)) > 1e-6) continue;
+    const PlantState &a = flown.truth[2 * i], &b = flown.truth[2 * i + 1];
+    const double dt = b.time_s - a.time_s;
+    const double way = a.body.p_WC.x() + 0.5 * dt * a.body.v_WC.x() + 0.125 * dt * dt * rate(i);
+    worst = std::max(worst, std::abs(forces.measured[kX][i] - way));
+    bend = std::max(bend, std::abs(flight.poses()[i].x_m - way));
+  }
+  EXPECT_GT(bend, 2e-6);
+  EXPECT_LT(worst, 0.2 * bend);
+}
+
 TEST(Flight, NoFrameReachesOverAGap) {
   Recording recording = sliding(100.0, 601);
   recording.poses.erase(recording.poses.begin() + 301, recording.poses.begin() + 330);
@@ -107,6 +134,30 @@ TEST(Flight, AValveThatStaysOpenIsOnePulseOrOneOfEveryCommand) {
   const double of_each = variance(false);
   EXPECT_GT(of_each, 0.0);
   EXPECT_NEAR(variance(true), 10.0 * of_each, 1e-4 * of_each);
+}
+
+TEST(Flight, WhereFrictionHoldsTheRobotItIsSeenToStandStill) {
+  const Vehicle vehicle = nominal_vehicle();
+  const CoulombFriction friction{{}, 1.5e-3};
+  Lab lab;
+  lab.mocap_m = 6e-4;
+  lab.mocap_rad = 2e-3;
+  const SyntheticFlight flown =
+      with_every(2, fly(vehicle, {friction}, pulse_commands(kStart, 40.0, 5), 6, lab));
+  const Plant plant(vehicle, {friction}, kStart);
+  Flight flight(flown.recording);
+  NoiseModel noise;
+  noise.mocap = {6e-4, 6e-4, 2e-3};
+  for (int pass = 0; pass < 4; ++pass) flight.smooth(plant, noise, 4.0);
+  double squares = 0.0, frames = 0.0;
+  for (std::size_t i = 0; i < flight.frames(); ++i) {
+    const Eigen::Vector2d v = flown.truth[i].body.v_WC;
+    if (v.norm() > 3e-4) continue;
+    squares += (flight.motion()[i].v_WC - v).squaredNorm();
+    frames += 1.0;
+  }
+  ASSERT_GT(frames, 200.0);
+  EXPECT_LT(std::sqrt(squares / frames), 2.2e-4) << "m/s";
 }
 
 TEST(Flight, VehicleTimeUndoesLatencyAndSkew) {

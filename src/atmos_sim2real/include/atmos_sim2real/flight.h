@@ -50,6 +50,12 @@ struct Reach {
   double radius_m;
 };
 
+// The mean of several poses, whose times have this variance about its own [s^2].
+struct Frame {
+  PoseSample pose;
+  double spread_s2;
+};
+
 class Flight {
  public:
   // Frames are poses averaged over about 1/50 s: the motion within tells nothing, and all work is done per
@@ -91,7 +97,7 @@ class Flight {
   const std::vector<PlanarState<double>>& motion() const { return motion_; }
 
  private:
-  Flight(Recording recording, std::vector<PoseSample> frames);
+  Flight(Recording recording, const std::vector<Frame>& frames);
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
@@ -99,6 +105,8 @@ class Flight {
   // where friction holds the robot, a velocity that is a little off pushes it about.
   void note_damping(const Plant& plant, Axis axis, std::vector<double>& along,
                     std::vector<double>& damping) const;
+  // The mean of several poses lies inside the bend of the way.
+  void take_off_bend(ForceIntegrals& forces) const;
   void note_travel();
   void note_scatter(const Plant& plant, bool joins_pulses);
   void set_motion(const Plant& plant, const std::array<std::vector<double>, kAxes>& position,
@@ -107,6 +115,7 @@ class Flight {
   Recording recording_;
   std::vector<PoseSample> poses_;            // one per frame
   std::vector<double> times_;                // their stamps
+  std::vector<double> spread_s2_;            // Frame::spread_s2
   std::vector<PlanarState<double>> motion_;  // one per frame, of the measured point
   std::array<std::vector<double>, kAxes> scatter_variance_;
   std::vector<Travel> travel_;
