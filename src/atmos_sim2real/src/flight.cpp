@@ -166,8 +166,8 @@ PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
 }
 
 std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
-  constexpr double kLongest = 0.025;       // s: a lost frame must not hide how the force changes on the way
-  constexpr double kLongestHidden = 0.01;  // s: of hidden states it would hide how they change themselves
+  constexpr double kLongest = 0.025;  // s: a lost frame must not hide how the force changes on the way
+  constexpr double kLongestHidden = 0.01, kOfTimeScale = 0.5;  // s, 1: hidden states change themselves
   const PlantProperties& properties = plant.properties();
   const bool hidden_states = plant.hidden_size() > 1;
   const Path::Key key{properties.timing,
@@ -175,7 +175,7 @@ std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
                       properties.mocap_latency_s,
                       properties.stamp_skew,
                       plant.start_s(),
-                      hidden_states ? std::min(kLongestHidden, plant.max_step_s()) : kLongest,
+                      hidden_states ? std::min(kLongestHidden, kOfTimeScale * plant.max_step_s()) : kLongest,
                       plant.thruster_count(),
                       properties.marker_B - properties.com_B,
                       properties.mocap_yaw_offset_rad};

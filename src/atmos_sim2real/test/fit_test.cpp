@@ -137,5 +137,26 @@ TEST(Placebo, OnlyTheRightThrusterAndTheRealCommandsExplain) {
   EXPECT_FALSE(checks[1].shuffled_commands.has_value());
 }
 
+TEST(Fit, FrictionThatHoldsTheRobotLeavesNoForce) {
+  // A velocity that is a millimetre per second off would be a quarter of a newton.
+  const Vehicle vehicle = nominal_vehicle();
+  const CoulombFriction friction{{}, 1.5e-3};
+  Lab lab{6e-4, 2e-3};
+  lab.slow_m_s2 = lab.slow_rad_s2 = 0.0;
+  std::vector<ThrusterCommand> commands = pulse_commands(1.7e9, 60.0, 5);
+  for (ThrusterCommand& command : commands) {
+    for (double& duty : command.duty) duty *= 0.15;
+  }
+  std::vector<Flight> flights{Flight(fly(vehicle, {friction}, commands, 6, lab).recording)};
+  const Problem problem{&vehicle, {}, &flights};
+  NoiseModel noise = initial_noise(flights);
+  for (int pass = 0; pass < 6; ++pass) {
+    smooth_all(problem, {friction}, noise, pass == 0 ? 20.0 : 4.0);
+    noise = profile_noise(problem, {friction}, noise, true);
+  }
+  EXPECT_LT(noise.slow[kX], 1e-4);
+  EXPECT_LT(noise.scatter, 0.1);
+}
+
 }  // namespace
 }  // namespace atmos
