@@ -165,17 +165,35 @@ PlanarState<double> Flight::motion_at(std::size_t i, double fraction) const {
   return at;
 }
 
-std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
+namespace {
+
+// How long a step may be over which a plant's forces are evaluated once [s]. What an effect does must not
+// depend on which others are there: an oscillation that long steps blur would lend its evidence to any effect
+// with a hidden state.
+double longest_step(const Plant& plant) {
   constexpr double kLongest = 0.025;  // s: a lost frame must not hide how the force changes on the way
-  constexpr double kLongestHidden = 0.01, kOfTimeScale = 0.5;  // s, 1: hidden states change themselves
+  constexpr double kShort = 0.01;     // s: of hidden states, and of laws that may change with time
+  constexpr double kOfTimeScale = 0.5, kOfPeriod = 0.1;
+  double longest = kLongest;
+  if (plant.hidden_size() > 1) longest = std::min(kShort, kOfTimeScale * plant.max_step_s());
+  for (const Effect& effect : plant.effects()) {
+    if (std::holds_alternative<Unmodelled>(effect)) longest = std::min(longest, kShort);
+    if (const auto* vibration = std::get_if<FloorVibration>(&effect))
+      longest = std::min(longest, kOfPeriod / std::max(vibration->frequency_hz, 1e-3));
+  }
+  return longest;
+}
+
+}  // namespace
+
+std::shared_ptr<const Path> Flight::path(const Plant& plant) const {
   const PlantProperties& properties = plant.properties();
-  const bool hidden_states = plant.hidden_size() > 1;
   const Path::Key key{properties.timing,
                       plant.edges(),
                       properties.mocap_latency_s,
                       properties.stamp_skew,
                       plant.start_s(),
-                      hidden_states ? std::min(kLongestHidden, kOfTimeScale * plant.max_step_s()) : kLongest,
+                      longest_step(plant),
                       plant.thruster_count(),
                       properties.marker_B - properties.com_B,
                       properties.mocap_yaw_offset_rad};

@@ -58,6 +58,24 @@ TEST(Flight, IntegratesAThrustThatRisesWithinAFrame) {
   expect_the_flights_own_forces({ThrustRise{{}, 0.018}}, 1e-4);
 }
 
+TEST(Flight, AVibrationDoesTheSameBesideAnEffectWithHiddenStates) {
+  const Vehicle vehicle = nominal_vehicle();
+  FloorVibration vibration;
+  vibration.amplitude_n = 1.0;
+  vibration.frequency_hz = 16.6;
+  Slosh nothing;
+  nothing.mass_kg = 0.0;
+  const Flight flight(fly_ideal(vehicle, {vibration}, pulse_commands(kStart, 10.0, 5)).recording);
+  const ForceIntegrals alone = flight.integrate(Plant(vehicle, {vibration}, kStart));
+  const ForceIntegrals beside = flight.integrate(Plant(vehicle, {vibration, nothing}, kStart));
+  double largest = 0.0;
+  for (std::size_t i = 0; i + 1 < flight.frames(); ++i) {
+    EXPECT_NEAR(alone.dv[kX][i], beside.dv[kX][i], 2e-5) << i;
+    largest = std::max(largest, std::abs(alone.dv[kX][i]));
+  }
+  EXPECT_GT(largest, 5e-4);
+}
+
 // Poses at a rate, moving evenly.
 Recording sliding(double rate_hz, std::size_t count) {
   Recording recording;
