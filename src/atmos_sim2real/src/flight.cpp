@@ -135,12 +135,13 @@ bool Path::Key::operator==(const Key& other) const {
          com_to_marker == other.com_to_marker && yaw_offset_rad == other.yaw_offset_rad;
 }
 
-Flight::Flight(Recording recording) : Flight(recording, averaged(recording.poses)) {}
+Flight::Flight(Recording recording) : Flight(std::move(recording), averaged) {}
 
-Flight Flight::of_every_pose(Recording recording) { return Flight(recording, each_alone(recording.poses)); }
+Flight Flight::of_every_pose(Recording recording) { return Flight(std::move(recording), each_alone); }
 
-Flight::Flight(Recording recording, const std::vector<Frame>& frames) : recording_(std::move(recording)) {
-  for (const Frame& frame : frames) {
+Flight::Flight(Recording recording, std::vector<Frame> (*frames_of)(const std::vector<PoseSample>&))
+    : recording_(std::move(recording)) {
+  for (const Frame& frame : frames_of(recording_.poses)) {
     const PoseSample& pose = frame.pose;
     poses_.push_back(pose);
     spread_s2_.push_back(frame.spread_s2);

@@ -143,10 +143,7 @@ TEST(Fit, FrictionThatHoldsTheRobotLeavesNoForce) {
   const CoulombFriction friction{{}, 1.5e-3};
   Lab lab{6e-4, 2e-3};
   lab.slow_m_s2 = lab.slow_rad_s2 = 0.0;
-  std::vector<ThrusterCommand> commands = pulse_commands(1.7e9, 60.0, 5);
-  for (ThrusterCommand& command : commands) {
-    for (double& duty : command.duty) duty *= 0.15;
-  }
+  const std::vector<ThrusterCommand> commands = shortened(pulse_commands(1.7e9, 60.0, 5), 0.15);
   std::vector<Flight> flights{Flight(fly(vehicle, {friction}, commands, 6, lab).recording)};
   const Problem problem{&vehicle, {}, &flights};
   NoiseModel noise = initial_noise(flights);

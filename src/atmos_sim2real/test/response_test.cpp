@@ -60,10 +60,7 @@ TEST(Response, EffectsOfTheVocabularyAreNoReasonToRefuse) {
 
 TEST(Response, ShortPulsesOfValvesThatCloseLateAreNoReasonToRefuse) {
   // Pulses of 2 to 10 ms that become 17 ms longer.
-  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 60.0, 3);
-  for (ThrusterCommand& command : commands) {
-    for (double& duty : command.duty) duty *= 0.1;
-  }
+  const std::vector<ThrusterCommand> commands = shortened(pulse_commands(kStart, 60.0, 3), 0.1);
   const ValveDelay late{{}, 0.015, 0.032};
   const Response seen =
       response(clean_recording(fly(nominal_vehicle(), {late}, commands, 4).recording, 8), nominal_vehicle());

@@ -165,10 +165,7 @@ TEST(Library, TheFloorReachesACellBeyondTheBearings) {
 TEST(Library, ValvesThatSwallowPulsesAreMovedInFineSteps) {
   // Pulses of 2 to 10 ms: later opening swallows some, later closing brings them back, and a slope over many
   // of them does not say what both together do.
-  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 40.0, 71);
-  for (ThrusterCommand& command : commands) {
-    for (double& duty : command.duty) duty *= 0.1;
-  }
+  const std::vector<ThrusterCommand> commands = shortened(pulse_commands(kStart, 40.0, 71), 0.1);
   const ValveDelay valves{{}, 0.0081, 0.0034}, later{{}, 0.0082, 0.0035};
   Flown flown(commands, 72, {valves});
   const Fit fit = flown.fitted({valves});

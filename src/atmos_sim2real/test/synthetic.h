@@ -54,6 +54,14 @@ inline std::vector<ThrusterCommand> pulse_commands(double start_s, double durati
   return commands;
 }
 
+// The same with pulses that last this share of their time.
+inline std::vector<ThrusterCommand> shortened(std::vector<ThrusterCommand> commands, double share) {
+  for (ThrusterCommand& command : commands) {
+    for (double& duty : command.duty) duty *= share;
+  }
+  return commands;
+}
+
 struct Lab {
   double mocap_m = 5e-5, mocap_rad = 2e-4;  // white noise of the poses
   double scatter = 0.02;                    // of each pulse

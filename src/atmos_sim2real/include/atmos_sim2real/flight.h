@@ -97,7 +97,7 @@ class Flight {
   const std::vector<PlanarState<double>>& motion() const { return motion_; }
 
  private:
-  Flight(Recording recording, const std::vector<Frame>& frames);
+  Flight(Recording recording, std::vector<Frame> (*frames_of)(const std::vector<PoseSample>&));
   PlanarState<double> motion_at(std::size_t interval, double fraction) const;
   std::shared_ptr<const Path> path(const Plant& plant) const;
   Path make_path(const Plant& plant, const Path::Key& key) const;
