@@ -28,7 +28,8 @@ HEADLINES = {
                          "The effects below are there, and more remains than noise alone leaves."),
     "unexplained": ("There is a mismatch without a name", "#b91c1c",
                     "Something acts on the robot that no known effect describes.")}
-THRUSTER_KINDS = ("thruster_efficiency", "thruster_dead", "thruster_leak", "thruster_misalignment", "thrust_scale")
+THRUSTER_KINDS = ("thrust_scale", "thruster_efficiency", "thruster_weak_since", "thruster_dead", "thruster_stuck_open",
+                  "thruster_leak", "thruster_leak_since")  # that change how strongly a thruster pushes
 
 
 def numbers(values):
@@ -77,15 +78,19 @@ def draw_prediction(report, plots):
     return figure
 
 
+def innovation_size(series):
+    """Middle of each bin [s since the first pose], and how large the innovations are there beside their own noise."""
+    rms = np.sqrt(np.nanmean([numbers(v) ** 2 for v in series["axes"].values()], axis=0))
+    return series["bin_s"] * (np.arange(len(rms)) + 0.5), rms
+
+
 def draw_time(report, plots):
     """Where in time the recordings disagree with the nominal model, and what is left."""
     flights = plots["flights"]
     figure, axes = plt.subplots(len(flights), 1, figsize=(9.6, 0.8 + 1.5 * len(flights)), squeeze=False)
     for axis, flight in zip(axes[:, 0], flights):
         for model, color in (("nominal", NOMINAL), ("fitted", FITTED)):
-            series = flight[model]
-            rms = np.sqrt(np.nanmean([numbers(v) ** 2 for v in series["axes"].values()], axis=0))
-            time = series["bin_s"] * (np.arange(len(rms)) + 0.5)
+            time, rms = innovation_size(flight[model])
             if model == "fitted" or report["effects"]:
                 axis.plot(time, rms, color=color, lw=1.3, label=model)
         axis.axhline(1.0, color=NEUTRAL, lw=0.9, ls="--", label="noise alone")
@@ -97,13 +102,29 @@ def draw_time(report, plots):
     return figure
 
 
+def draw_mismatch(figure, axis, plots):
+    """The paths, coloured by how badly the nominal model predicts there."""
+    flown = [(flight, *innovation_size(flight["nominal"])) for flight in plots["flights"]]
+    most = max(2.0, np.nanpercentile(np.concatenate([rms for _, _, rms in flown]), 98))
+    for flight, time, rms in flown:
+        known = ~np.isnan(rms)
+        shown = axis.scatter(flight["x_m"], flight["y_m"], s=7, cmap="inferno_r", vmin=0, vmax=most, zorder=2,
+                             c=np.interp(numbers(flight["time_s"]), time[known], rms[known]))
+    figure.colorbar(shown, ax=axis, label="innovation over its own noise", shrink=0.9)
+    axis.set_title("Mismatch of the nominal model along the way")
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set_xlabel("x [m]")
+    axis.set_ylabel("y [m]")
+
+
 def draw_floor(report, plots):
-    """The map that was found, under the paths that were flown."""
-    maps = [e for e in report["effects"] if e["kind"] in ("floor_unevenness", "airflow", "friction_patch", "tether")]
-    if not maps:
+    """Where on the floor the mismatch lies, and the maps that were found, under the paths that were flown."""
+    if report["verdict"] == "consistent":
         return None
-    figure, axes = plt.subplots(1, len(maps), figsize=(4.8 * len(maps), 3.9), squeeze=False)
-    for axis, effect in zip(axes[0], maps):
+    maps = [e for e in report["effects"] if e["kind"] in ("floor_unevenness", "airflow", "friction_patch", "tether")]
+    figure, axes = plt.subplots(1, 1 + len(maps), figsize=(4.8 * (1 + len(maps)), 3.9), squeeze=False)
+    draw_mismatch(figure, axes[0, 0], plots)
+    for axis, effect in zip(axes[0, 1:], maps):
         if effect["kind"] in ("floor_unevenness", "airflow"):
             origin, spacing = parameter(effect, "origin_m"), parameter(effect, "spacing_m")
             uneven = effect["kind"] == "floor_unevenness"
@@ -145,11 +166,13 @@ def draw_thrusters(report, plots):
         return None
     thrusters = plots["thrusters"]
     at = np.arange(len(thrusters))
-    figure, axis = plt.subplots(figsize=(max(4.8, 0.6 * len(thrusters)), 2.6))
+    figure, axis = plt.subplots(figsize=(max(6.5, 0.6 * len(thrusters)), 2.6))
     axis.bar(at - 0.2, [t["nominal_n"] for t in thrusters], 0.38, color="#d1d5db", label="vehicle file")
-    changed = [abs(t["fitted_n"] - t["nominal_n"]) > 1e-9 for t in thrusters]
+    changed = [abs(t["fitted_n"] - t["nominal_n"]) > 1e-9 or t["fitted_shut_n"] > 0.0 for t in thrusters]
     axis.bar(at + 0.2, [t["fitted_n"] for t in thrusters], 0.38, label="fitted",
              color=[NOMINAL if c else FITTED for c in changed])
+    shut = [t["fitted_shut_n"] for t in thrusters]
+    axis.bar(at + 0.2, shut, 0.38, color="none", edgecolor="#111827", hatch="////", lw=0)
     for x, thruster in zip(at, thrusters):
         if thruster["fitted_n"] == 0.0:
             axis.text(x + 0.2, 0.03, "dead", ha="center", va="bottom", color=NOMINAL, fontsize=8)
@@ -158,8 +181,11 @@ def draw_thrusters(report, plots):
     axis.grid(axis="x", visible=False)
     axis.set_title("Thrust of each valve alone at the end of the flight [N]")
     axis.set_ylim(0, 1.35 * max(max(t["nominal_n"], t["fitted_n"]) for t in thrusters))
-    axis.legend(handles=[plt.Rectangle((0, 0), 1, 1, color=c) for c in ("#d1d5db", FITTED, NOMINAL)],
-                labels=["vehicle file", "fitted", "fitted, differs"], ncol=3, loc="upper right")
+    legend = [("vehicle file", {"color": "#d1d5db"}), ("fitted", {"color": FITTED}), ("fitted, differs", {"color": NOMINAL})]
+    if any(shut):
+        legend.append(("while told to be shut", {"facecolor": "none", "edgecolor": "#111827", "hatch": "////", "lw": 0}))
+    axis.legend(handles=[plt.Rectangle((0, 0), 1, 1, **style) for _, style in legend],
+                labels=[label for label, _ in legend], ncol=len(legend), loc="upper right", fontsize=8, columnspacing=1.0)
     return figure
 
 
@@ -202,7 +228,7 @@ def effect_card(effect):
             f"{100 * evidence['inclusion']:.0f} % of resamples")
     also = placebo(effect["placebo"])
     if effect["indistinguishable_from"]:
-        also = ("<p><b>Could also be:</b> " + html.escape("; ".join(effect["indistinguishable_from"])) + "</p>")
+        also += "<p><b>Could also be:</b> " + html.escape("; ".join(effect["indistinguishable_from"])) + "</p>"
     if effect["next_experiment"]:
         also += f"<p><b>Fly next:</b> {html.escape(effect['next_experiment'])}</p>"
     statement = effect["statement"][0].upper() + effect["statement"][1:] + "."
@@ -217,7 +243,7 @@ def error_table(report):
         if h["nominal"]["position_rms_m"] is None:
             continue
         cells = "".join(f"<td>{1e3 * h[m]['position_rms_m']:.3g} mm</td>"
-                        f"<td>{180 / np.pi * h[m]['yaw_rms_rad']:.2g}°</td>"
+                        f"<td>{180 / np.pi * h[m]['yaw_rms_rad']:.3g}°</td>"
                         f"<td>{h[m]['position_fit_percent']:.1f} %</td>"
                         for m in ("nominal", "fitted", "noise_floor"))
         rows += f"<tr><td>{h['horizon_s']:g} s</td><td>{h['windows']}</td>{cells}</tr>"
@@ -234,25 +260,34 @@ def simulator_check(report):
     on = ("recordings that the fit has not seen" if check["on"] == "held-out"
           else "the recordings that were fitted (there are no held-out ones)")
     rows = "".join(f"<tr><td>{model}</td><td>{1e3 * check[model]['position_rms_m']:.3g} mm</td>"
-                   f"<td>{180 / np.pi * check[model]['yaw_rms_rad']:.2g}°</td></tr>" for model in ("nominal", "fitted"))
+                   f"<td>{180 / np.pi * check[model]['yaw_rms_rad']:.3g}°</td></tr>" for model in ("nominal", "fitted"))
     floor = report["fit"]["noise_floor"]
     if floor["position_rms_m"] is not None:
         rows += (f"<tr><td>noise alone</td><td>{1e3 * floor['position_rms_m']:.3g} mm</td>"
-                 f"<td>{180 / np.pi * floor['yaw_rms_rad']:.2g}°</td></tr>")
+                 f"<td>{180 / np.pi * floor['yaw_rms_rad']:.3g}°</td></tr>")
     return (f"<h2>In the simulator</h2><p>The ODE simulator loaded model.yaml and flew the recorded commands of {on}, "
             f"{check['windows']} windows of {check['horizon_s']:g} s: what it is off by at their ends. It never lies further "
             f"than {1e3 * check['largest_difference_m']:.2g} mm from this report's own prediction.</p>"
             f"<table class=grid><tr><th>model</th><th>position</th><th>yaw</th></tr>{rows}</table>")
 
 
+def lies(place):
+    """One answer to where, with the share of the mismatch and the one it would have if it were spread evenly."""
+    share, even = f"{100 * (place['share'] or 0):.0f} % of the mismatch", f"{100 * (place['even_share'] or 0):.0f} %"
+    beside = f"{share}; {even} if all axes had the same" if place["what"] == "axis" else f"{share} in {even} of the time"
+    return f"{html.escape(place['statement'])} ({beside})"
+
+
 def first_sentence(report):
     fit, places = report["fit"], report["mismatch"]["where"]
     parts = []
     if places:
-        parts.append(f"Where: {places[0]['statement']} ({100 * places[0]['share']:.0f} % of the mismatch).")
+        parts.append(f"Where: {lies(places[0])}.")
     nominal, fitted = fit["nominal"]["position_rms_m"], fit["fitted"]["position_rms_m"]
     if nominal is not None and report["effects"]:
         data = "recordings it has not seen" if fit["on"] == "held-out" else "blocks left out of the fit"
+        if fit["on"] != "held-out" and any(e["kind"] == "external_impulse" for e in report["effects"]):
+            data += " (pushes as fitted, as nothing else knows of them)"
         parts.append(f"Over {fit['horizon_s']:g} s on {data} the prediction error falls from {1e3 * nominal:.3g} mm "
                      f"to {1e3 * fitted:.3g} mm; noise alone gives "
                      f"{1e3 * fit['noise_floor']['position_rms_m']:.3g} mm.")
@@ -265,7 +300,8 @@ h1{margin:0 0 4px;font-size:28px} h2{font-size:18px;margin:28px 0 8px;border-bot
 h3{margin:0;font-size:16px} .lead{font-size:16px;margin:4px 0} .kind{color:#6b7280;margin:0 0 6px;font-size:13px}
 .card{border:1px solid #e5e7eb;border-left:4px solid #1d6fb8;border-radius:6px;padding:12px 16px;margin:10px 0}
 .card p{margin:6px 0} table{border-collapse:collapse;font-size:13px} td,th{padding:2px 12px 2px 0;text-align:left}
-.grid th,.grid td{border-bottom:1px solid #e5e7eb;padding:3px 10px;text-align:right} img{max-width:100%;margin:6px 0}
+.grid th,.grid td{border-bottom:1px solid #e5e7eb;padding:3px 10px;text-align:right}
+.words th,.words td{text-align:left} img{max-width:100%;margin:6px 0}
 .small{color:#6b7280;font-size:13px}
 """
 
@@ -277,7 +313,7 @@ def page(report, figures):
     def image(name):
         return f"<img alt='{name}' src='data:image/png;base64,{figures[name]}'>" if name in figures else ""
 
-    body = [f"<h1 style='color:{color}'>{title}</h1><p class=lead>{lead} {html.escape(first_sentence(report))}</p>",
+    body = [f"<h1 style='color:{color}'>{title}</h1><p class=lead>{lead} {first_sentence(report)}</p>",
             f"<p class=small>Probability that the nominal model's noise looks like this: "
             f"{'%.2g' % mismatch['p_value'] if mismatch['p_value'] > 0 else 'below 1e-300'}. Recordings: {html.escape(', '.join(r['name'] for r in report['recordings']))}."
             "</p>"]
@@ -286,8 +322,8 @@ def page(report, figures):
     if report["verdict"] in ("partly_explained", "unexplained"):
         rest = report["unexplained"]
         body.append(f"<h2>What has no name</h2><p>A slow acceleration of "
-                    f"{1e3 * (rest['acceleration_rms_m_s2'] or 0):.3g} mm/s² (RMS) remains. Most is "
-                    f"missing in {html.escape(rest['where'] or 'all axes')}.</p>")
+                    f"{1e3 * (rest['acceleration_rms_m_s2'] or 0):.3g} mm/s² (RMS) remains. It "
+                    f"lies in {html.escape(rest['where'] or 'all axes')}.</p>")
     if "prediction" in figures:
         models = "The nominal model" if not report["effects"] else "Nominal against fitted model"
         on = "held-out recordings" if report["fit"]["on"] == "held-out" else "blocks left out of the fit"
@@ -297,23 +333,22 @@ def page(report, figures):
     body.append(f"<h2>Where</h2>{image('floor')}{image('thrusters')}{image('time')}")
     if mismatch["where"]:
         axes = ", ".join(f"{name} {100 * (share or 0):.0f} %" for name, share in mismatch["axes"].items())
-        body.append("<ul>" + "".join(f"<li>{p['what']}: {html.escape(p['statement'])} "
-                                     f"({100 * (p['share'] or 0):.0f} %)</li>" for p in mismatch["where"])
-                    + f"<li>axis: {axes}</li></ul>")
+        body.append("<p>Most concentrated first:</p><ul>" + "".join(f"<li>{lies(p)}</li>" for p in mismatch["where"][:5])
+                    + f"<li>by axis: {axes}</li></ul>")
     if report["rivals"]:
         rows = "".join(f"<tr><td>{html.escape(r['statement'])}</td>"
                        f"<td>{'instead of ' + r['instead_of'] if r['instead_of'] else 'in addition'}</td>"
                        f"<td>{r['evidence_gain']:.0f}"
                        f"{' against %.0f' % r['evidence_gain_of_claim'] if r['instead_of'] else ''}</td></tr>"
                        for r in report["rivals"][:8] if r["evidence_gain"] is not None)
-        body.append("<h2>What else was tried</h2><table class=grid><tr><th>candidate</th><th>tried</th>"
+        body.append("<h2>What else was tried</h2><table class='grid words'><tr><th>candidate</th><th>tried</th>"
                     f"<th>evidence [nats]</th></tr>{rows}</table>")
     if mismatch["smallest_detectable"]:
         rows = "".join(f"<tr><td>{html.escape(kind)}</td><td>{html.escape(s['parameter'])}</td>"
                        f"<td>{quantity(s['value'], s['unit'])}</td></tr>"
                        for kind, s in sorted(mismatch["smallest_detectable"].items()) if s["value"] is not None)
         body.append("<h2>Smallest sizes these recordings would have shown</h2>"
-                    f"<table class=grid><tr><th>kind</th><th>parameter</th><th>size</th></tr>{rows}</table>")
+                    f"<table class='grid words'><tr><th>kind</th><th>parameter</th><th>size</th></tr>{rows}</table>")
     warnings = [f"<li>{html.escape(r['name'])}: {html.escape(w)}</li>" for r in report["recordings"]
                 for w in r["warnings"]]
     if warnings:

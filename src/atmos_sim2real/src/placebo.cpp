@@ -9,15 +9,24 @@ namespace {
 
 using Innovations = std::vector<Eigen::VectorXd>;  // per flight
 
-// What going from `without` to `with` gains when it may go further, or less far, or the other way.
-double best_gain(const Innovations& from, const Innovations& without, const Innovations& with) {
+// Whether its opposite is as physical: no valve leaks a negative jet.
+bool goes_both_ways(const Effect& effect) {
+  return !std::holds_alternative<ThrusterLeak>(effect) &&
+         !std::holds_alternative<ThrusterLeakSince>(effect) &&
+         !std::holds_alternative<ThrusterStuckOpen>(effect) && !std::holds_alternative<ThrusterDead>(effect);
+}
+
+// What going from `without` to `with` gains when it may go further, or less far, or, if it goes both ways,
+// the other way.
+double best_gain(const Innovations& from, const Innovations& without, const Innovations& with,
+                 bool both_ways) {
   double along = 0.0, squared = 0.0;
   for (std::size_t f = 0; f < from.size(); ++f) {
     const Eigen::VectorXd change = with[f] - without[f];
-    along += from[f].dot(change);
+    along -= from[f].dot(change);
     squared += change.squaredNorm();
   }
-  return squared > 0.0 ? 0.5 * along * along / squared : 0.0;
+  return squared > 0.0 && (both_ways || along > 0.0) ? 0.5 * along * along / squared : 0.0;
 }
 
 // The same motion under commands that came in another order.
@@ -45,7 +54,7 @@ std::vector<Placebo> placebo_checks(const Problem& problem, const Fit& final, st
   for (std::size_t i = 0; i < checks.size(); ++i) {
     others[i].erase(others[i].begin() + static_cast<long>(i));
     without.push_back(innovations_of(problem, others[i]));
-    checks[i].as_claimed = best_gain(without[i], without[i], final.innovations);
+    checks[i].as_claimed = best_gain(without[i], without[i], final.innovations, true);
 
     const int own = thruster_of(final.effects[i]);
     if (own == 0) continue;
@@ -54,7 +63,8 @@ std::vector<Placebo> placebo_checks(const Problem& problem, const Fit& final, st
     for (int other = 1; other <= static_cast<int>(problem.vehicle->thrusters.size()); ++other) {
       if (other == own) continue;
       set_thruster(moved[i], other);
-      const double gain = best_gain(without[i], without[i], innovations_of(problem, moved));
+      const double gain =
+          best_gain(without[i], without[i], innovations_of(problem, moved), goes_both_ways(final.effects[i]));
       if (gain < *checks[i].wrong_thruster) continue;
       checks[i].wrong_thruster = gain;
       checks[i].best_wrong_thruster = other;
@@ -69,7 +79,7 @@ std::vector<Placebo> placebo_checks(const Problem& problem, const Fit& final, st
     for (std::size_t i = 0; i < checks.size(); ++i) {
       if (acts_from_outside(final.effects[i])) continue;
       const Innovations rest = innovations_of(placebo, others[i]);
-      const double gain = best_gain(without[i], rest, all);
+      const double gain = best_gain(without[i], rest, all, goes_both_ways(final.effects[i]));
       // What does not depend on commands changes the same whatever their order.
       double difference = 0.0, size = 0.0;
       for (std::size_t f = 0; f < all.size(); ++f) {

@@ -157,8 +157,11 @@ Proof prove(const Problem& problem, const NoiseModel& noise, const std::vector<U
   return proof;
 }
 
-// The model's parameters as other flights have them.
-std::vector<Effect> refitted(const Problem& problem, const Fit& final, std::vector<Flight> others) {
+// The model's parameters as other flights have them; pushes stay, as those know nothing of them.
+std::vector<Effect> refitted(const Problem& problem, Fit final, std::vector<Flight> others) {
+  final.hold([&](const FreeParameter& free) {
+    return std::holds_alternative<ExternalImpulse>(final.effects[free.effect]);
+  });
   if (final.free.empty()) return final.effects;
   const Problem rest{problem.vehicle, problem.known, &others};
   for (std::size_t f = 0; f < others.size(); ++f)

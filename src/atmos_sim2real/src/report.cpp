@@ -243,7 +243,10 @@ std::vector<Effect> claimed_effects(const Diagnosis& diagnosis) {
 nlohmann::ordered_json report(const Diagnosis& diagnosis, const Problem& problem, const Proof& proof) {
   json where = json::array();
   for (const Place& place : diagnosis.where)
-    where.push_back({{"what", place.what}, {"statement", place.statement}, {"share", finite(place.share)}});
+    where.push_back({{"what", place.what},
+                     {"statement", place.statement},
+                     {"share", finite(place.share)},
+                     {"even_share", finite(place.even_share)}});
   json detectable = json::object();
   for (const auto& [kind, smallest] : diagnosis.smallest_detectable) {
     detectable[kind] = {
@@ -287,12 +290,14 @@ nlohmann::ordered_json plot_data(const Diagnosis& diagnosis, const Problem& prob
   json flights = json::array();
   for (std::size_t f = 0; f < problem.flights->size(); ++f) {
     const Flight& flight = (*problem.flights)[f];
-    json x = json::array(), y = json::array();
+    json time = json::array(), x = json::array(), y = json::array();
     for (std::size_t i = 0; i < flight.frames(); i += 5) {
+      time.push_back(flight.times()[i] - flight.times().front());
       x.push_back(flight.poses()[i].x_m);
       y.push_back(flight.poses()[i].y_m);
     }
     flights.push_back({{"name", flight.recording().name},
+                       {"time_s", time},
                        {"x_m", x},
                        {"y_m", y},
                        {"nominal", mismatch_over_time(flight, before.innovations[f])},
@@ -311,15 +316,22 @@ nlohmann::ordered_json plot_data(const Diagnosis& diagnosis, const Problem& prob
                steady.end());
   const Plant nominal = problem.plant({}, 0), plant = problem.plant(steady, 0);
   const double late = problem.flights->front().times().back();
+  const auto since = [late](const std::vector<double>& valves, int k) {
+    return !valves.empty() && valves[static_cast<std::size_t>(k)] <= late;
+  };
   for (int k = 0; k < plant.thruster_count(); ++k) {
-    VecX<double> alone = VecX<double>::Zero(plant.thruster_count());
-    alone[k] = 1.0;
-    const auto force = [&](const Plant& p) {
-      const auto& dead = p.properties().timing.dead_since_s;
-      if (!dead.empty() && dead[static_cast<std::size_t>(k)] <= late) return 0.0;
-      return p.thrust<double>(p.start_s(), PlanarState<double>{}, p.initial_hidden(), alone)[k];
+    // Of one thruster with the other valves shut.
+    const auto force = [&](const Plant& p, bool told_open) {
+      const ValveTiming& timing = p.properties().timing;
+      VecX<double> alone = VecX<double>::Zero(plant.thruster_count());
+      if (!since(timing.dead_since_s, k) && (told_open || since(timing.stuck_open_since_s, k)))
+        alone[k] = 1.0;
+      return p.thrust<double>(late, PlanarState<double>{}, p.initial_hidden(), alone)[k];
     };
-    thrusters.push_back({{"number", k + 1}, {"nominal_n", force(nominal)}, {"fitted_n", force(plant)}});
+    thrusters.push_back({{"number", k + 1},
+                         {"nominal_n", force(nominal, true)},
+                         {"fitted_n", force(plant, true)},
+                         {"fitted_shut_n", force(plant, false)}});
   }
   return {{"flights", flights}, {"predicted", predicted}, {"thrusters", thrusters}};
 }

@@ -118,7 +118,7 @@ struct Sentence {
     return "thrust falls by " + percent(e.fraction_per_kg / 10.0) + " per 0.1 kg of gas used";
   }
   std::string operator()(const ThrusterLeak& e) const {
-    return thruster(e.thruster) + " leaks " + percent(e.fraction) + " of its thrust while it is shut";
+    return thruster(e.thruster) + " leaks " + percent(e.fraction) + " of its thrust, open or shut";
   }
   std::string operator()(const ThrusterLeakSince& e) const {
     return thruster(e.thruster) + " leaks " + percent(e.fraction) + " of its thrust" + from(e.since_s);

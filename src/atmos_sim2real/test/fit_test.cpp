@@ -137,6 +137,22 @@ TEST(Placebo, OnlyTheRightThrusterAndTheRealCommandsExplain) {
   EXPECT_FALSE(checks[1].shuffled_commands.has_value());
 }
 
+TEST(Placebo, NoValveLeaksANegativeJet) {
+  // Thruster 3 is opposite to thruster 4: what one lets out the other would have to take in.
+  const Vehicle vehicle = nominal_vehicle();
+  ThrusterLeak leak;
+  leak.thruster = 4;
+  leak.fraction = 0.02;
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {leak}, pulse_commands(kStart, 40.0, 5), 6).recording);
+  const Problem problem{&vehicle, {}, &flights};
+  const NoiseModel noise = initial_noise(flights);
+  smooth_all(problem, {leak}, noise, 4.0);
+  const std::vector<Placebo> checks = placebo_checks(problem, evaluate(problem, {leak}, {}, noise), 1);
+  EXPECT_GT(checks[0].as_claimed, 50.0);
+  EXPECT_LT(checks[0].wrong_thruster.value(), 0.8 * checks[0].as_claimed);
+}
+
 TEST(Fit, FrictionThatHoldsTheRobotLeavesNoForce) {
   // A velocity that is a millimetre per second off would be a quarter of a newton.
   const Vehicle vehicle = nominal_vehicle();

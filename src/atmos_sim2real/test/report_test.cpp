@@ -42,7 +42,7 @@ void expect_schema(const json& r) {
   for (const char* axis : {"x", "y", "yaw"}) EXPECT_TRUE(mismatch.at("axes").at(axis).is_number());
   for (const auto& place : mismatch.at("where")) {
     EXPECT_TRUE(place.at("what").is_string() && place.at("statement").is_string());
-    EXPECT_TRUE(place.at("share").is_number());
+    EXPECT_TRUE(place.at("share").is_number() && place.at("even_share").is_number());
   }
   EXPECT_TRUE(mismatch.at("smallest_detectable").is_object());
   for (const auto& [kind, smallest] : mismatch.at("smallest_detectable").items())
@@ -101,6 +101,23 @@ TEST(Report, ASupplyCouplingIsNamedFittedAndProved) {
   ASSERT_EQ(read.size(), 1u);
   EXPECT_EQ(kind_of(read[0]), found.report["effects"][0]["kind"]);
   EXPECT_EQ(write_model(read), found.model);
+}
+
+TEST(Report, APushIsLocatedAndProvedWithItself) {
+  ExternalImpulse push;
+  push.events = {{kStart + 20.0, {0.3, -0.2}, 0.02}};
+  const Reported found({push}, false);
+  ASSERT_EQ(found.report["effects"].size(), 1u);
+  ASSERT_FALSE(found.report["mismatch"]["where"].empty());
+  const json& where = found.report["mismatch"]["where"][0];
+  EXPECT_EQ(where["what"], "time");
+  EXPECT_EQ(where["statement"].get<std::string>().rfind("around 20", 0), 0u) << where["statement"];
+  EXPECT_LT(where["even_share"].get<double>(), 0.2);
+  // No other block knows of the push, so it is predicted as it was fitted.
+  const json& second = found.report["fit"]["other_horizons"][0];
+  EXPECT_EQ(second["horizon_s"], 1.0);
+  EXPECT_LT(second["fitted"]["position_rms_m"].get<double>(),
+            0.3 * second["nominal"]["position_rms_m"].get<double>());
 }
 
 TEST(Report, ListsEveryParameterOfEveryKind) {

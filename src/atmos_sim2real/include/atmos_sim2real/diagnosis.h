@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "atmos_sim2real/detectability.h"
+#include "atmos_sim2real/locate.h"
 #include "atmos_sim2real/placebo.h"
 #include "atmos_sim2real/proof.h"
 
@@ -16,18 +17,11 @@ enum class Verdict { kConsistent, kExplained, kPartlyExplained, kUnexplained };
 // "consistent", "explained", "partly_explained", "unexplained".
 std::string text_of(Verdict verdict);
 
-// One answer to "where": share is that part of the whole mismatch (in nats) which lies there.
-struct Place {
-  std::string what;       // time, place, regime or recording
-  std::string statement;  // one sentence
-  double share = 0.0;
-};
-
 struct Diagnosis {
   Verdict verdict = Verdict::kConsistent;
   double p_value = 1.0;                           // of the nominal model, over all hypotheses together
   std::array<double, kAxes> axis_share{0, 0, 0};  // of the mismatch
-  std::vector<Place> where;                       // largest share first
+  std::vector<Place> where;                       // the most concentrated first
   std::map<std::string, Detectable> smallest_detectable;  // by kind
   SearchResult search;
   std::vector<std::vector<std::string>>
