@@ -64,6 +64,28 @@ std::vector<Weighed> weigh(const Problem& problem, const Fit& fit, std::size_t e
   return weighed;
 }
 
+// Another onset, 3 s, 6 s, 12 s, ... away, that is likelier than this; else this. Beside what was not known
+// when it was found, pulses in between may speak against both.
+double likelier_from_afar(const Problem& problem, const Fit& fit, std::size_t effect, double log_likelihood) {
+  const double since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
+  double first = since, last = since;
+  for (const Flight& flight : *problem.flights) {
+    first = std::min(first, flight.recording().start_s());
+    last = std::max(last, flight.times().back());
+  }
+  double best = since;
+  for (double away = 2.0 * kReach; away < last - first; away *= 2.0) {
+    for (const double other : {since - away, since + away}) {
+      if (other < first || other > last) continue;
+      const double there = likelihood_at(problem, fit, effect, other);
+      if (there <= log_likelihood) continue;
+      log_likelihood = there;
+      best = other;
+    }
+  }
+  return best;
+}
+
 bool has_onset(const Fit& fit, std::size_t effect) {
   const ThrusterDead* dead = std::get_if<ThrusterDead>(&fit.effects[effect]);
   return dead != nullptr && dead->since_s > 0.0;
@@ -82,8 +104,10 @@ Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
     best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
       return a.log_likelihood < b.log_likelihood;
     });
-    if (since == best.stretch.middle()) break;
+    const double from = since;
     since = best.stretch.middle();
+    if (since == from) since = likelier_from_afar(problem, fit, effect, best.log_likelihood);
+    if (since == from) break;
   }
   if (best.stretch.pulse) {  // where it was cut short
     for (const double share : {0.1, 0.3, 0.7, 0.9}) {

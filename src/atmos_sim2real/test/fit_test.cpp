@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "atmos_sim2real/library.h"
+#include "atmos_sim2real/onset.h"
 #include "atmos_sim2real/patch.h"
 #include "atmos_sim2real/placebo.h"
 #include "synthetic.h"
@@ -151,6 +152,32 @@ TEST(Placebo, NoValveLeaksANegativeJet) {
   const std::vector<Placebo> checks = placebo_checks(problem, evaluate(problem, {leak}, {}, noise), 1);
   EXPECT_GT(checks[0].as_claimed, 50.0);
   EXPECT_LT(checks[0].wrong_thruster.value(), 0.8 * checks[0].as_claimed);
+}
+
+TEST(Onset, IsFoundBeyondPulsesThatSpeakAgainstIt) {
+  // A wrong onset was found beside what was not known then; the motion was smoothed with it.
+  const Vehicle vehicle = nominal_vehicle();
+  ThrusterDead dead;
+  dead.thruster = 2;
+  dead.since_s = kStart + 15.0;
+  std::vector<ThrusterCommand> commands = pulse_commands(kStart, 90.0, 5);
+  const std::vector<ThrusterCommand> faint = shortened(commands, 0.04);
+  for (std::size_t k = 200; k < 600; ++k) commands[k] = faint[k];
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {dead}, commands, 6).recording);
+  const Problem problem{&vehicle, {}, &flights};
+  for (const double away : {10.0, 20.0, 30.0, 40.0}) {
+    ThrusterDead wrong = dead;
+    wrong.since_s += away;
+    NoiseModel noise = initial_noise(flights);
+    for (int pass = 0; pass < 3; ++pass) {
+      smooth_all(problem, {wrong}, noise, 1.0);
+      noise = profile_noise(problem, {wrong}, noise, true);
+    }
+    const double likelihood = evaluate(problem, {dead}, {}, noise).log_likelihood;
+    const Fit refined = refine_onset(problem, evaluate(problem, {wrong}, {}, noise), 0);
+    EXPECT_GT(refined.log_likelihood, likelihood - 0.5) << away;
+  }
 }
 
 TEST(Fit, FrictionThatHoldsTheRobotLeavesNoForce) {

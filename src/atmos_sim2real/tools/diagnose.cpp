@@ -84,8 +84,9 @@ class Drawing {
   pid_t child_ = 0;
 };
 
-void print_summary(const nlohmann::ordered_json& summary) {
+void print_summary(const Diagnosis& diagnosis, const nlohmann::ordered_json& summary) {
   say("verdict: " + summary["verdict"].get<std::string>());
+  if (!diagnosis.where.empty()) say("where: " + text_of(diagnosis.where.front()));
   for (const auto& effect : summary["effects"])
     say("  " + effect["kind"].get<std::string>() + ": " + effect["statement"].get<std::string>());
   const auto& fit = summary["fit"];
@@ -175,7 +176,7 @@ void run(const Arguments& arguments) {
   say("drawing the report");
   if (!drawing.draw())
     std::fprintf(stderr, "warning: the figures and report.html could not be drawn; report.json stands\n");
-  print_summary(summary);
+  print_summary(diagnosis, summary);
   say("written: " + out + "report.json, report.html, model.yaml, figures/");
 }
 
