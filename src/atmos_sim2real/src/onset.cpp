@@ -53,6 +53,10 @@ double likelihood_at(const Problem& problem, const Fit& fit, std::size_t effect,
 struct Weighed {
   Stretch stretch;
   double log_likelihood;
+
+  double length_s() const { return stretch.end_s - stretch.begin_s; }
+  // All of it together: an onset is as likely in each of its moments, so that a longer stretch is likelier.
+  double log_mass() const { return log_likelihood + std::log(length_s()); }
 };
 
 std::vector<Weighed> weigh(const Problem& problem, const Fit& fit, std::size_t effect) {
@@ -101,12 +105,13 @@ Fit refine_onset(const Problem& problem, Fit fit, std::size_t effect) {
   for (int way = 0; way < kMostWays; ++way) {
     const std::vector<Weighed> weighed = weigh(problem, fit, effect);
     if (weighed.empty()) break;
-    best = *std::max_element(weighed.begin(), weighed.end(), [](const auto& a, const auto& b) {
-      return a.log_likelihood < b.log_likelihood;
-    });
+    double highest = -1e300;
+    for (const Weighed& w : weighed) highest = std::max(highest, w.log_likelihood);
+    best = *std::max_element(weighed.begin(), weighed.end(),
+                             [](const auto& a, const auto& b) { return a.log_mass() < b.log_mass(); });
     const double from = since;
     since = best.stretch.middle();
-    if (since == from) since = likelier_from_afar(problem, fit, effect, best.log_likelihood);
+    if (since == from) since = likelier_from_afar(problem, fit, effect, highest);
     if (since == from) break;
   }
   if (best.stretch.pulse) {  // where it was cut short
@@ -126,14 +131,13 @@ double onset_deviation(const Problem& problem, const Fit& fit, std::size_t effec
   const double since = std::get<ThrusterDead>(fit.effects[effect]).since_s;
   const std::vector<Weighed> weighed = weigh(problem, fit, effect);
   double best = -1e300;
-  for (const Weighed& w : weighed) best = std::max(best, w.log_likelihood);
+  for (const Weighed& w : weighed) best = std::max(best, w.log_mass());
   double sum = 0.0, squares = 0.0;
   for (const Weighed& w : weighed) {
-    const double length = w.stretch.end_s - w.stretch.begin_s;
-    const double weight = length * std::exp(w.log_likelihood - best);
+    const double weight = std::exp(w.log_mass() - best);
     const double away = w.stretch.middle() - since;
     sum += weight;
-    squares += weight * (away * away + length * length / 12.0);
+    squares += weight * (away * away + w.length_s() * w.length_s() / 12.0);
   }
   return sum > 0.0 ? std::sqrt(squares / sum) : 0.0;
 }
