@@ -1,5 +1,6 @@
 #include "atmos_sim2real/library.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -101,13 +102,41 @@ Hypothesis tether(const Box& box) {
   return hypothesis;
 }
 
-Hypothesis friction_patch(const Box& box) {
+// Where bearings stood, a few times a second [m].
+std::vector<Eigen::Vector2d> bearing_places(const Vehicle& vehicle, const std::vector<Flight>& flights) {
+  constexpr double kEvery = 0.2;  // s
+  const std::vector<Eigen::Vector2d> bearings = Plant(vehicle, {}, 0.0).properties().bearings_m;
+  std::vector<Eigen::Vector2d> places;
+  for (const Flight& flight : flights) {
+    double next = flight.times().front();
+    for (const PoseSample& pose : flight.poses()) {
+      if (pose.time_s < next) continue;
+      next = pose.time_s + kEvery;
+      for (const Eigen::Vector2d& bearing : bearings)
+        places.push_back(Eigen::Vector2d(pose.x_m, pose.y_m) + Eigen::Rotation2Dd(pose.yaw_rad) * bearing);
+    }
+  }
+  return places;
+}
+
+// Discs that a bearing touched, over a small floor closer together: one that holds the robot in a hover may
+// lie beside all places that its centre visited.
+Hypothesis friction_patch(const Vehicle& vehicle, const std::vector<Flight>& flights, const Box& box) {
+  constexpr double kRadii[] = {0.3, 0.6}, kBeyond = 0.4, kClosest = 0.15, kFarthest = 0.35;  // m
+  constexpr double kCentres = 150.0;
+  const double width = box.x1 - box.x0 + 2.0 * kBeyond, height = box.y1 - box.y0 + 2.0 * kBeyond;
+  const double spacing = std::clamp(std::sqrt(width * height / kCentres), kClosest, kFarthest);
+  const std::vector<Eigen::Vector2d> bearings = bearing_places(vehicle, flights);
   Hypothesis hypothesis;
   hypothesis.kind = FrictionPatch::kKind;
   hypothesis.local = true;
-  for (double x = box.x0; x <= box.x1 + 1e-9; x += 0.35) {
-    for (double y = box.y0; y <= box.y1 + 1e-9; y += 0.35) {
-      for (const double radius : {0.3, 0.6}) {
+  for (double x = box.x0 - kBeyond; x <= box.x1 + kBeyond; x += spacing) {
+    for (double y = box.y0 - kBeyond; y <= box.y1 + kBeyond; y += spacing) {
+      for (const double radius : kRadii) {
+        const bool touched = std::any_of(bearings.begin(), bearings.end(), [&](const Eigen::Vector2d& at) {
+          return (at - Eigen::Vector2d(x, y)).squaredNorm() < radius * radius;
+        });
+        if (!touched) continue;
         FrictionPatch patch;
         patch.center_x_m = x;
         patch.center_y_m = y;
@@ -250,7 +279,7 @@ std::vector<Hypothesis> hypotheses(const Vehicle& vehicle, const std::vector<Fli
                                        free_scalar("angular_n_m_s", 0.0, 0.04, 1e-4)}));
   all.push_back(simple(QuadraticDrag{}, {free_scalar("coefficient_n_s2_m2", 0.0, 8.0, 1e-2)}));
   all.push_back(simple(CoulombFriction{}, {free_scalar("coefficient", 0.0, 1e-3, 1e-5)}));
-  all.push_back(friction_patch(box));
+  all.push_back(friction_patch(vehicle, flights, box));
 
   all.push_back(late<MocapLatency>());
   all.push_back(

@@ -115,6 +115,28 @@ TEST(Fit, LikelihoodFallsAwayFromTheTruth) {
   EXPECT_GT(at(0.08), at(0.16) + 50.0);
 }
 
+TEST(Library, OffersPatchesThatOnlyABearingTouches) {
+  // The centre stays within centimetres; the bearings stand around it.
+  const Vehicle vehicle = nominal_vehicle();
+  std::vector<Flight> flights;
+  flights.emplace_back(fly(vehicle, {}, shortened(pulse_commands(kStart, 20.0, 5), 0.2), 6).recording);
+  const Box box = visited(flights);
+  ASSERT_LT(box.x1 - box.x0, 0.3);
+  const std::vector<Hypothesis> library = hypotheses(vehicle, flights);
+  const auto patch = std::find_if(library.begin(), library.end(),
+                                  [](const Hypothesis& h) { return h.kind == FrictionPatch::kKind; });
+  ASSERT_NE(patch, library.end());
+  const auto offers = [&](double x, double y) {
+    return std::any_of(patch->starts.begin(), patch->starts.end(), [&](const Start& start) {
+      const FrictionPatch& disc = std::get<FrictionPatch>(start.effect);
+      return std::hypot(disc.center_x_m - x, disc.center_y_m - y) < 0.11;
+    });
+  };
+  EXPECT_TRUE(offers(box.x0 - 0.35, box.y0));
+  EXPECT_TRUE(offers(box.x1, box.y1 + 0.35));
+  EXPECT_FALSE(offers(box.x1 + 1.2, box.y1));
+}
+
 TEST(Placebo, OnlyTheRightThrusterAndTheRealCommandsExplain) {
   const Vehicle vehicle = nominal_vehicle();
   ThrusterEfficiency weak;
