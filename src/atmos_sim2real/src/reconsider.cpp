@@ -116,6 +116,20 @@ void move_to_end(std::vector<Claim>& claims, std::size_t index) {
   std::rotate(claim, claim + 1, claims.end());
 }
 
+// The same fit with one effect as the last, as fits of candidates have theirs.
+Fit with_last(Fit fit, std::size_t index) {
+  const auto effect = fit.effects.begin() + static_cast<long>(index);
+  std::rotate(effect, effect + 1, fit.effects.end());
+  for (FreeParameter& free : fit.free) {
+    if (free.effect == index)
+      free.effect = fit.effects.size() - 1;
+    else if (free.effect > index)
+      --free.effect;
+  }
+  fit.linearisation.reset();
+  return fit;
+}
+
 }  // namespace
 
 bool simplify(const Problem& problem, const std::vector<Hypothesis>& library, Fit& current,
@@ -184,7 +198,9 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
                             claim.rival_reference > kNearly * tried.gain;
       const bool slopes = claim.hypothesis.kind == FloorUnevenness::kKind &&
                           blows_as_slopes(tried.fit.effects.back(), tried.gain, claim.rival_reference);
-      return tried.gain > reference + kClearlyBetter && !imitates && !slopes;
+      const bool stranger = is_plain(claim.hypothesis) && !is_plain(tried.hypothesis);
+      const double better = stranger ? indistinct(reference) : kClearlyBetter;
+      return tried.gain > reference + better && !imitates && !slopes;
     });
     if (rival == claim.rivals.end()) continue;
     const std::size_t last = rival->fit.effects.size() - 1;
@@ -194,8 +210,7 @@ bool reconsider(const Problem& problem, Fit& current, std::vector<Claim>& claims
       continue;
     }
     options.progress("  " + label(rival->hypothesis) + " takes the place of " + label(claim.hypothesis));
-    Tried better = std::move(*rival);
-    claim.rivals.erase(rival);
+    Tried better = std::exchange(*rival, {claim.hypothesis, with_last(current, i), claim.rival_reference});
     claim.hypothesis = better.hypothesis;
     claim.gain = claim.rival_reference = better.gain;
     current = std::move(better.fit);
