@@ -289,27 +289,34 @@ Eigen::VectorXd column(const Problem& problem, const Fit& at, const Eigen::Vecto
     return own_motion(problem, moved[free.effect], at.effects, f, at.noise, reach ? &*reach : nullptr);
   }
   double& value = parameter(moved, free);
+  const Bounds bounds = bounds_of(moved, free);
   // Step away from the nearer bound.
-  const double step = value + free.step > bounds_of(moved, free).max ? -free.step : free.step;
-  value += step;
-  if (acts_from_outside(moved[free.effect])) {
-    Eigen::VectorXd change = own_motion(problem, moved[free.effect], at.effects, f, at.noise);
-    // From both sides: what ends at an edge is far from linear, and anchor and slack of a tether nearly
-    // cancel.
-    const double other = value - 2.0 * step;
-    const Bounds bounds = bounds_of(moved, free);
-    if (bounds.min <= other && other <= bounds.max) {
-      value = other;
-      change -= own_motion(problem, moved[free.effect], at.effects, f, at.noise);
-      return change / (2.0 * step);
-    }
-    change -=
-        own_at != nullptr ? *own_at : own_motion(problem, at.effects[free.effect], at.effects, f, at.noise);
-    return change / step;
-  }
+  const double step = value + free.step > bounds.max ? -free.step : free.step;
+  // From both sides what is far from linear and nearly cancels: what ends at an edge, anchor and slack of a
+  // tether; delays of opening and of closing, between which pulses vanish.
+  const double other_side = value - step;
+  const bool outside = acts_from_outside(moved[free.effect]);
+  const bool both_sides = (outside || std::holds_alternative<ValveDelay>(moved[free.effect])) &&
+                          bounds.min <= other_side && other_side <= bounds.max;
   const Flight& flight = (*problem.flights)[f];
-  const ForceIntegrals forces = flight.integrate(problem.plant(moved, f));
-  return (innovations(flight, forces, at.noise) - innovations_at) / step;
+  const auto motion_of = [&](const std::vector<Effect>& effects) {
+    return outside ? own_motion(problem, effects[free.effect], at.effects, f, at.noise)
+                   : innovations(flight, flight.integrate(problem.plant(effects, f)), at.noise);
+  };
+  value += step;
+  Eigen::VectorXd change = motion_of(moved);
+  if (both_sides) {
+    value = other_side;
+    change -= motion_of(moved);
+    return change / (2.0 * step);
+  }
+  if (!outside)
+    change -= innovations_at;
+  else if (own_at != nullptr)
+    change -= *own_at;
+  else
+    change -= motion_of(at.effects);
+  return change / step;
 }
 
 }  // namespace
