@@ -115,6 +115,32 @@ TEST(Fit, LikelihoodFallsAwayFromTheTruth) {
   EXPECT_GT(at(0.08), at(0.16) + 50.0);
 }
 
+TEST(Fit, DelaysThatNearlyCancelAreKnownAsWellAsStated) {
+  // Of pulses of milliseconds many vanish between opening and closing; what delays both alike shows little.
+  const Vehicle vehicle = nominal_vehicle();
+  const ValveDelay late{{}, 4.1e-3, 1.6e-3};
+  std::vector<Flight> flights;
+  Lab quiet{5e-5, 1.5e-4};
+  quiet.slow_m_s2 *= 0.1;
+  quiet.slow_rad_s2 *= 0.1;
+  flights.emplace_back(
+      fly(vehicle, {late}, shortened(pulse_commands(kStart, 60.0, 5), 0.03), 6, quiet).recording);
+  const Problem problem{&vehicle, {}, &flights};
+  Fit fitted = fit_kinds(vehicle, flights, {ValveDelay::kKind});
+  add_covariance(problem, fitted);
+  const double deviation = std::sqrt(fitted.covariance(0, 0));
+  const auto loss = [&](double both_s) {
+    std::vector<Effect> moved = fitted.effects;
+    std::get<ValveDelay>(moved[0]).open_s += both_s;
+    std::get<ValveDelay>(moved[0]).close_s += both_s;
+    return fitted.log_likelihood - evaluate(problem, moved, {}, fitted.noise).log_likelihood;
+  };
+  // Two deviations cost two nats, or less where the prior says as much as the flight.
+  const double curvature = loss(2.0 * deviation) + loss(-2.0 * deviation);
+  EXPECT_GT(curvature, 0.3);
+  EXPECT_LT(curvature, 6.0);
+}
+
 TEST(Library, OffersPatchesThatOnlyABearingTouches) {
   // The centre stays within centimetres; the bearings stand around it.
   const Vehicle vehicle = nominal_vehicle();
