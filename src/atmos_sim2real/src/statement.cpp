@@ -13,6 +13,12 @@ namespace {
 
 std::string percent(double ratio) { return short_number(100.0 * ratio) + " %"; }
 std::string millimetres(double metres) { return short_number(1e3 * metres) + " mm"; }
+// A place in the body.
+std::string away(double x_m, double y_m) {
+  return millimetres(std::abs(x_m)) + (x_m < 0.0 ? " behind and " : " in front and ") +
+         millimetres(std::abs(y_m)) + (y_m < 0.0 ? " to the right" : " to the left") +
+         " of the geometric centre";
+}
 std::string milliseconds(double seconds) { return short_number(1e3 * seconds) + " ms"; }
 std::string newtons(double force) {
   return std::abs(force) < 1.0 ? short_number(1e3 * force) + " mN" : short_number(force) + " N";
@@ -136,10 +142,7 @@ struct Sentence {
   std::string operator()(const MassDepletion& e) const {
     return "the robot loses " + short_number(1e3 * e.kg_per_open_second) + " g per second and open valve";
   }
-  std::string operator()(const ComOffset& e) const {
-    return "the centre of mass lies " + millimetres(e.x_m) + " forward and " + millimetres(e.y_m) +
-           " to the left of the geometric centre";
-  }
+  std::string operator()(const ComOffset& e) const { return "the centre of mass lies " + away(e.x_m, e.y_m); }
   std::string operator()(const Slosh& e) const {
     return short_number(e.mass_kg) + " kg inside the robot swing at " + short_number(e.frequency_hz) + " Hz";
   }
@@ -194,8 +197,7 @@ struct Sentence {
     return "poses are stamped " + milliseconds(e.delay_s) + " after the robot was there";
   }
   std::string operator()(const MarkerOffset& e) const {
-    return "the tracked point lies " + millimetres(e.x_m) + " forward and " + millimetres(e.y_m) +
-           " to the left of the geometric centre";
+    return "the tracked point lies " + away(e.x_m, e.y_m);
   }
   std::string operator()(const YawMisalignment& e) const {
     return "the tracked yaw is " + degrees(e.angle_rad) + " ahead of the body's";

@@ -212,6 +212,19 @@ TEST(Statement, EveryKindHasOneWithANumber) {
   }
 }
 
+TEST(Statement, SaysOnWhichSideAPlaceInTheBodyLies) {
+  ComOffset centre;
+  centre.x_m = -0.013;
+  centre.y_m = 0.02;
+  EXPECT_EQ(statement_of(centre, {}),
+            "the centre of mass lies 13 mm behind and 20 mm to the left of the geometric centre");
+  MarkerOffset marker;
+  marker.x_m = 0.03;
+  marker.y_m = -0.005;
+  EXPECT_EQ(statement_of(marker, {}),
+            "the tracked point lies 30 mm in front and 5 mm to the right of the geometric centre");
+}
+
 TEST(Statement, TellsTimesFromTheRecordingTheyLieIn) {
   ThrusterDead dead;
   dead.thruster = 4;
