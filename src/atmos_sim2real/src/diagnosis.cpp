@@ -18,12 +18,6 @@ namespace {
 constexpr double kOrdinarySlowForce = 0.012;    // N, standard deviation
 constexpr double kOrdinarySlowTorque = 0.0012;  // N m
 
-std::string number(double value, int digits) {
-  std::ostringstream out;
-  out << std::setprecision(digits) << value;
-  return out.str();
-}
-
 }  // namespace
 
 std::string text_of(Verdict verdict) {
@@ -118,8 +112,10 @@ void judge_by(const Proof& proof, Diagnosis& diagnosis) {
                                 ratio(shown.fitted.yaw_rms_rad, shown.noise_floor.yaw_rms_rad));
   if (worst < kMost) return;
   diagnosis.verdict = Verdict::kPartlyExplained;
-  diagnosis.unexplained_where =
-      "the held-out recordings, predicted " + number(worst, 2) + " times worse than noise alone would";
+  std::ostringstream where;
+  where << "the held-out recordings, predicted " << std::setprecision(2) << worst
+        << " times worse than noise alone would";
+  diagnosis.unexplained_where = where.str();
 }
 
 }  // namespace atmos

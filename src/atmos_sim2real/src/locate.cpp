@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
-#include <functional>
 #include <numeric>
 
 #include "atmos_sim2real/statement.h"
@@ -51,7 +50,9 @@ class Answer {
  public:
   Answer(std::string what, const Share& all) : place_{std::move(what), "", 0.0, 0.0}, all_(all) {}
 
-  void offer(const Share& part, const std::function<std::string()>& statement) {
+  // `statement` tells it in words, where it is kept.
+  template <class Statement>
+  void offer(const Share& part, const Statement& statement) {
     const double share = std::clamp(part.nats / all_.nats, 0.0, 1.0), even = part.frames / all_.frames;
     constexpr double kLeast = 0.15, kDeviations = 3.0;
     // A gain of g nats is known to sqrt(2 g).
@@ -122,7 +123,8 @@ std::vector<Observed> observed_frames(const Problem& problem, const FrameGains& 
   return frames;
 }
 
-Share share_where(const std::vector<Observed>& frames, const std::function<bool(const Observed&)>& inside) {
+template <class Inside>
+Share share_where(const std::vector<Observed>& frames, const Inside& inside) {
   Share share;
   for (const Observed& frame : frames) {
     if (inside(frame)) share.add(frame.share);
@@ -234,9 +236,9 @@ void offer_moments(const std::vector<Second>& seconds, const std::vector<std::st
 }
 
 // Above or below one of the feature's quantiles.
-void offer_thresholds(const std::vector<Observed>& frames,
-                      const std::function<double(const Observed&)>& feature,
-                      const std::function<std::string(bool above, double)>& statement, Answer& answer) {
+template <class Feature, class Statement>
+void offer_thresholds(const std::vector<Observed>& frames, const Feature& feature, const Statement& statement,
+                      Answer& answer) {
   std::vector<double> sorted;
   for (const Observed& frame : frames) sorted.push_back(feature(frame));
   std::sort(sorted.begin(), sorted.end());

@@ -13,8 +13,7 @@ namespace {
 
 std::string percent(double ratio) { return short_number(100.0 * ratio) + " %"; }
 std::string millimetres(double metres) { return short_number(1e3 * metres) + " mm"; }
-// A place in the body.
-std::string away(double x_m, double y_m) {
+std::string place_in_body(double x_m, double y_m) {
   return millimetres(std::abs(x_m)) + (x_m < 0.0 ? " behind and " : " in front and ") +
          millimetres(std::abs(y_m)) + (y_m < 0.0 ? " to the right" : " to the left") +
          " of the geometric centre";
@@ -142,7 +141,9 @@ struct Sentence {
   std::string operator()(const MassDepletion& e) const {
     return "the robot loses " + short_number(1e3 * e.kg_per_open_second) + " g per second and open valve";
   }
-  std::string operator()(const ComOffset& e) const { return "the centre of mass lies " + away(e.x_m, e.y_m); }
+  std::string operator()(const ComOffset& e) const {
+    return "the centre of mass lies " + place_in_body(e.x_m, e.y_m);
+  }
   std::string operator()(const Slosh& e) const {
     return short_number(e.mass_kg) + " kg inside the robot swing at " + short_number(e.frequency_hz) + " Hz";
   }
@@ -197,7 +198,7 @@ struct Sentence {
     return "poses are stamped " + milliseconds(e.delay_s) + " after the robot was there";
   }
   std::string operator()(const MarkerOffset& e) const {
-    return "the tracked point lies " + away(e.x_m, e.y_m);
+    return "the tracked point lies " + place_in_body(e.x_m, e.y_m);
   }
   std::string operator()(const YawMisalignment& e) const {
     return "the tracked yaw is " + degrees(e.angle_rad) + " ahead of the body's";
